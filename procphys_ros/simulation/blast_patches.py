@@ -36,7 +36,7 @@ class Patches:
 
     :param model, state: the stresses must not change meanwhile.
     :param shaken: parts that pieces consist of, (S,).
-    :ivar alive: intact bonds, (M,) bool; to be updated as pieces come out.
+    :ivar alive: bonds not cut yet, (M,) bool; to be updated as pieces come out.
     """
 
     def __init__(self, model: Model, state: State, shaken: np.ndarray):

@@ -236,7 +236,7 @@ def _loosen(model: Model, state: State, parts: np.ndarray,
     """
     Cut out a piece of wall, and divide it into single parts and clumps.
 
-    :param alive: intact bonds, (M,) bool; updated.
+    :param alive: bonds not cut yet, (M,) bool; updated.
     :returns: bonds to cut, and the ratio of energy to work of fracture.
     """
     own, graph = state.blasts, state.solver.graph
@@ -267,10 +267,10 @@ def _pass_on(state: State, parts: np.ndarray, impulses: np.ndarray, bonds: np.nd
     Transfer the impulse lost in tearing a piece of wall loose to its surroundings.
 
     By action and reaction the bonds around the piece pull its neighbours along: each gets its
-    share by area, and the ground that of its bonds. A piece without intact bonds keeps all.
+    share by area, and the ground that of its bonds. A piece without bonds keeps all.
 
     :param impulses: taken from each part [N·s], world, (K, 3).
-    :param bonds: intact bonds of the parts, (B,).
+    :param bonds: of the parts, not cut yet, (B,).
     """
     own, graph = state.blasts, state.solver.graph
     inside = np.zeros(graph.count + 1, bool)

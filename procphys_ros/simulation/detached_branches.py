@@ -118,13 +118,13 @@ def _release(model: Model, state: State, rows: list[int]) -> None:
         contact_exclusions.add_branch(state, row, model.trees.sizes)
         own, poses, moving = state.forest.detach(row)
         pieces.append(state.forest.parts[own])
-        state.parts.poses[pieces[-1]] = poses  # what was shown may lie between two steps
+        state.parts.poses[pieces[-1]] = poses  # the shown pose may lie between two steps
         velocities.append(moving)
     breaking.release(model, state, pieces, np.concatenate(velocities))
 
 
 def _stays_flexible(model: Model, state: State, row: int) -> bool:
-    """Detach a branch as a tree with a free root if that is worth its cost; tell whether it is."""
+    """Detach a branch as a tree with a free root if worth its cost; return whether it is."""
     forest = state.forest
     rows = forest.subtree(row)
     if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):

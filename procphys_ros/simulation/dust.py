@@ -28,17 +28,17 @@ from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_HARD = 1.0  # [m/s] slower things make no dust when they touch; resting bodies emit none
-_FREE_LOSS = 0.02  # of the energy that a body may lose in a step without having hit anything
-_LARGE = 0.5  # [m] radius of bodies whose places of contact are looked up, which takes long
-_SPREAD = 0.3  # of a body's radius, around the place where it hit
-_JUMP = 0.5  # [m] beyond twice its way that a body may be displaced in a step and be the same
+_HARD = 1.0  # [m/s] slower contacts make no dust; resting bodies emit none
+_FREE_LOSS = 0.02  # of its energy that a body may lose in a step without an impact
+_LARGE = 0.5  # [m] radius of bodies whose contact points are looked up, which is expensive
+_SPREAD = 0.3  # of a body's radius, around the point of impact
+_JUMP = 0.5  # [m] displacement in a step, beyond twice its path, up to which a body is the same
 _NOWHERE = np.zeros((0, 3)), np.zeros(0), np.zeros(0)
 
 
 def watch(model: Model, state: State, dt: float) -> None:
     """
-    Raise dust where projectiles struck masonry, and note how fast bodies would move on freely.
+    Emit dust where projectiles struck masonry, and record the free motion of bodies.
 
     Runs just before the engine's step; writes `state.dust`.
     """
@@ -55,7 +55,7 @@ def watch(model: Model, state: State, dt: float) -> None:
         poses, mass = bodies.poses[ids], bodies.mass[ids]
         energy = motion_energy(mass, bodies.inertia[ids], poses[:, 3:], free)
         spared = np.zeros(len(bodies.state) + 1, bool)
-        spared[state.carrier[model.wooden]] = True  # the last row is for what no body carries
+        spared[state.carrier[model.wooden]] = True  # the last row is for parts without a body
         own.watch = {'ids': ids, 'poses': poses, 'free': free, 'fast': fast, 'mass': mass,
                      'radius': bodies.radius[ids], 'energy': energy, 'spared': spared[ids]}
 
@@ -74,7 +74,7 @@ def drift(model: Model, state: State, dt: float) -> None:
 
 
 def step(model: Model, state: State, dt: float) -> None:
-    """Raise dust from what broke and hit in this step; writes `state.dust`."""
+    """Emit dust from the fractures and impacts of this step; writes `state.dust`."""
     own = state.dust
     if own.cloud is None:
         return
@@ -84,7 +84,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
-    """Raise dust where projectiles struck masonry that stood."""
+    """Emit dust where projectiles struck standing masonry."""
     own, ledger, bodies = state.dust, state.ledger, state.world.bodies
     fresh, own.struck = ledger.count - own.struck, ledger.count
     if not fresh:
@@ -92,7 +92,7 @@ def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
     velocity: dict[int, np.ndarray] = {}
     stony = np.ones(len(state.parts), bool)
     stony[model.wooden] = False
-    # From what is left of the speed back to what there was before the first blow.
+    # From the remaining speed back to that before the first blow.
     for blow in islice(reversed(ledger.recent), fresh):
         body = state.parts.body[blow.projectile]
         mass = bodies.mass[body]
@@ -107,7 +107,7 @@ def _from_projectiles(model: Model, state: State, cloud: DustCloud) -> None:
 
 
 def _from_fractures(model: Model, state: State, cloud: DustCloud) -> None:
-    """Raise dust from the mortar that broke since this was last called."""
+    """Emit dust from the mortar that broke since the last call."""
     own, source = state.dust, model.blueprint
     new, own.seen = state.log.total - own.seen, state.log.total
     if new <= 0:
@@ -124,11 +124,11 @@ def _from_fractures(model: Model, state: State, cloud: DustCloud) -> None:
 def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
            dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Find where bodies spent energy since `watch`.
+    Find where bodies dissipated energy since `watch`.
 
-    What a body hands on to others, or to the pieces that it broke into, is not spent.
+    Energy transferred to other bodies, or to the pieces of a broken one, is not dissipated.
 
-    :returns: places [m] (K, 3), how far around there [m] (K,) and energies [J] (K,).
+    :returns: positions [m] (K, 3), radii around them [m] (K,) and energies [J] (K,).
     """
     bodies, ids, free = state.world.bodies, watch['ids'], watch['free']
     now, after, same = _present(model, state, watch, dt)
@@ -141,7 +141,7 @@ def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
     gained = float(np.sum(motion_energy(bodies.mass[others], bodies.inertia[others],
                                         bodies.poses[others, 3:], bodies.velocities[others])))
     energy = lost_energy(watch['energy'], now, gained)[hit]
-    kick = (after - free)[hit, :3]  # away from what it hit
+    kick = (after - free)[hit, :3]  # away from the obstacle
     kick /= np.maximum(norm(kick, axis=1, keepdims=True), 1e-9)
     radius = watch['radius'][hit]
     place = watch['poses'][hit, :3] - radius[:, None] * kick
@@ -152,9 +152,9 @@ def _spent(model: Model, state: State, watch: dict[str, np.ndarray],
 def _present(model: Model, state: State, watch: dict[str, np.ndarray],
              dt: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Give energies (W,) and velocities (W, 6) now, and which bodies are still the same, (W,).
+    Return present energies (W,) and velocities (W, 6), and which bodies are still the same, (W,).
 
-    Both are zero for bodies that are no more.
+    Energies and velocities of bodies that no longer exist are zero.
     """
     bodies, ids, mass, free = state.world.bodies, watch['ids'], watch['mass'], watch['free']
     poses, after = bodies.poses[ids], bodies.velocities[ids]
@@ -171,7 +171,7 @@ def _present(model: Model, state: State, watch: dict[str, np.ndarray],
 
 def _at_contacts(state: State, ids: np.ndarray, place: np.ndarray, radius: np.ndarray,
                  energy: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Share the energy of large bodies among the points where they were pushed."""
+    """Distribute the energy of large bodies over their contact points."""
     spread = _SPREAD * radius
     if radius.max() <= _LARGE:
         return place, spread, energy

@@ -20,21 +20,21 @@ import numpy as np
 EVENT = np.dtype([
     ('time', 'f8'),           # simulation time [s]
     ('position', 'f8', 3),    # contact point, world frame [m]
-    ('bond', 'i4'),           # row in Blueprint.bonds, -1 for a hold of a climbing plant
+    ('bond', 'i4'),           # row in Blueprint.bonds, -1 for an anchor of a climbing plant
     ('part_a', 'i4'),         # first part of the bond, -1 for the ground
     ('part_b', 'i4'),         # second part
     ('cause', 'u1'),          # `physics.causes.Cause`
     ('load', 'f4'),           # load over strength at the moment of breaking
-    ('crack', 'u1'),          # 1 = it presses and rubs on, 0 = it is gone
+    ('crack', 'u1'),          # 1 = it still transmits pressure and friction, 0 = it is gone
 ])
 
-NO_BOND = -1  # stands in events for a hold of a climbing plant, which is no bond
-_CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are let go and counted
+NO_BOND = -1  # marks events of an anchor of a climbing plant, which is not a bond
+_CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are dropped and counted
 
 
 class EventLog:
     """
-    Collects break events until they are taken.
+    Collect break events until they are taken.
 
     :ivar total: number of events recorded so far.
     :ivar forgotten: number of events dropped because nobody took them.
@@ -60,11 +60,11 @@ class EventLog:
         :param pairs: the two parts of each bond, (K, 2).
         :param cause: `Cause` of all, or of each, (K,).
         :param load: load over strength, (K,).
-        :param crack: whether they press and rub on, all or each, (K,) bool; what cracked once is
-            not recorded again when it goes.
+        :param crack: whether they still transmit pressure and friction, all or each, (K,) bool; a
+            cracked bond is not recorded again when it breaks.
         """
         if not len(bond):
-            return  # or empty chunks would pile up where nobody reads them
+            return  # empty chunks would pile up without a reader
         rows = np.zeros(len(bond), EVENT)
         rows['time'] = time
         rows['position'] = position
@@ -84,13 +84,13 @@ class EventLog:
 
     @property
     def rows(self) -> np.ndarray:
-        """All events held, oldest first, as an array of dtype `EVENT`."""
+        """Return all events held, oldest first, as an array of dtype `EVENT`."""
         if len(self._chunks) > 1:
             self._chunks = [np.concatenate(self._chunks)]
         return self._chunks[0] if self._chunks else np.zeros(0, EVENT)
 
     def recent(self, count: int) -> np.ndarray:
-        """Give the last events held, at most so many, oldest first."""
+        """Return the last events held, at most `count`, oldest first."""
         chosen: list[np.ndarray] = []
         for chunk in reversed(self._chunks):
             if count <= 0:

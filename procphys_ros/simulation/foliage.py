@@ -28,16 +28,16 @@ from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_TURNS = 4  # steps in which every flying leaf asks for the air anew; it moves a metre meanwhile,
-#             far less than the eddies that carry it measure
-_FLUTTER_SEED = 101  # keeps random streams apart that share the scene's seed
+_TURNS = 4  # steps between samples of the air for each flying leaf; it moves a metre meanwhile,
+#             far less than the size of the eddies that carry it
+_FLUTTER_SEED = 101  # separates random streams that share the scene's seed
 
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Tear off the leaves that the air takes, and move those in flight.
+    Tear off leaves in strong wind, and move those in flight.
 
-    Leaves are torn off standing trees only; those on a branch that came off fall with it. Writes
+    Only standing trees lose leaves; those of a detached branch fall with it. Writes
     `state.leaves` and the leaf area of the forest.
     """
     if model.settings.leaves.shedding and state.wind.enabled and len(model.leaves.queue):
@@ -47,15 +47,15 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def make_flutter(model: Model) -> Flutter:
-    """Draw how each leaf flutters about its petiole."""
+    """Draw the random flutter of each leaf about its petiole."""
     return Flutter(model.blueprint.leaves, (_FLUTTER_SEED << 64) + model.seed)
 
 
 def poses(model: Model, state: State, flutter: Flutter | None) -> np.ndarray:
     """
-    Give where every leaf is: on its branch and fluttering, in the air or on the ground.
+    Compute the pose of every leaf: on its branch and fluttering, in the air or on the ground.
 
-    :param flutter: from `make_flutter`; None = leaves keep still on their branches.
+    :param flutter: from `make_flutter`; None = leaves do not flutter.
     :returns: petiole poses, z along the leaf, world, (L, 7); NaN on parts that are gone.
     """
     leaves = model.leaves
@@ -85,7 +85,7 @@ def _fly(model: Model, state: State, dt: float) -> None:
 
 
 def _sample_air(model: Model, state: State, flying: np.ndarray) -> None:
-    """Sample the air at a share of the leaves, in turn, and at those that have just come off."""
+    """Sample the air at a share of the leaves, in turn, and at those just torn off."""
     own = state.leaves
     fresh = len(own.fallen) - len(own.felt)
     if fresh:

@@ -40,22 +40,22 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
-_NEGLIGIBLE = 0.05  # [m/s²] drag not worth the call that sets a velocity, 0.5 % of gravity
+_NEGLIGIBLE = 0.05  # [m/s²] drag that does not justify setting a velocity, 0.5 % of gravity
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 
 
 def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
               velocities: np.ndarray) -> int:
-    """Make one rigid body, see `make_bodies`, and give its id."""
+    """Make one rigid body, see `make_bodies`, and return its id."""
     return make_bodies(model, state, [(parts, poses, velocities)])[0]
 
 
 def make_bodies(model: Model, state: State, pieces: Sequence[tuple[
         np.ndarray, np.ndarray, np.ndarray]]) -> list[int]:
     """
-    Make rigid bodies of parts, all at once; momentum and angular momentum are kept.
+    Make rigid bodies of parts in one call; momentum and angular momentum are kept.
 
-    :param pieces: of each, the indices of its parts, (P,), their poses, (P, 7), and velocities,
+    :param pieces: the indices of the parts of each, (P,), their poses, (P, 7), and velocities,
         world axes, (P, 6).
     :returns: ids of the bodies.
     """
@@ -70,7 +70,7 @@ def make_bodies(model: Model, state: State, pieces: Sequence[tuple[
 
 def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
             velocities: np.ndarray) -> tuple[LooseBody, np.ndarray, np.ndarray]:
-    """Describe a body of parts; give these in order, and their poses in it."""
+    """Describe a rigid body made of parts; return it, the sorted parts, and their local poses."""
     # Rows of a tree follow its branches, not the part indices.
     order = np.argsort(parts, kind='stable')
     parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
@@ -90,7 +90,7 @@ def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
 
 def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
     """
-    Record which bodies, made already, consist of which single parts.
+    Record existing bodies as carriers of single parts, one each.
 
     :param parts: (P,) indices.
     :param bodies: ids in the world, (P,).
@@ -101,12 +101,12 @@ def adopt(state: State, parts: np.ndarray, bodies: np.ndarray) -> None:
 
 def hang(model: Model, state: State, bonds: np.ndarray) -> None:
     """
-    Let pieces that have parted hang by the steel of their bonds, if the engine has joints.
+    Suspend separated pieces by the rebars of their bonds, if the engine has joints.
 
-    The steel of both layers stands in the middle of the section, and the faces press on each
-    other, so it holds up to twice its force without a moment. It goes with either piece.
+    The steel of both layers is in the middle of the section, and the faces press on each other, so
+    it carries up to twice its force without a moment. The joint is removed with either piece.
 
-    :param bonds: rows of the blueprint that broke, (K,).
+    :param bonds: broken bonds, rows of the blueprint, (K,).
     """
     graph, source = state.loose_bonds.graph, model.blueprint
     bonds = bonds[graph.mortar.reinforcement[bonds] > 0.0]
@@ -128,7 +128,7 @@ def hang(model: Model, state: State, bonds: np.ndarray) -> None:
 
 
 def part_states(state: State, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give poses (P, 7) and velocities (P, 6) of parts as their bodies carry them now."""
+    """Return poses (P, 7) and velocities (P, 6) of parts from those of their bodies."""
     bodies, columns = state.world.bodies, state.parts
     poses, velocities = np.empty((len(parts), 7)), np.empty((len(parts), 6))
     expand(bodies.poses, bodies.velocities, columns.body[parts], columns.local[parts],
@@ -161,7 +161,7 @@ def apply_drag(model: Model, state: State, dt: float) -> None:
 
 
 def write_poses(model: Model, state: State, dt: float) -> None:
-    """Move the parts of all bodies that moved in this step; writes poses and velocities."""
+    """Update the poses and velocities of parts whose bodies moved in this step."""
     if not state.bodies.members:
         return
     if state.bodies.carried is None:

@@ -40,17 +40,17 @@ _POISSON = 0.23      # the same
 _POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread over about a thickness
 _POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
 _PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
-_REACH = 0.1         # [m] wider than what strikes it is the glass that feels a blow in time
-_SPRING = 0.4        # [m/s] standard deviation of the speed that bent glass lends to its shards
+_REACH = 0.1         # [m] glass around the striking object that responds to a blow in time
+_SPRING = 0.4        # [m/s] standard deviation of the springback speed of shards
 _SPIN = 3.0          # [rad/s] the same of their spin
 _PIECES = 4          # its square is about the number of shards of a pane
-_MANY = 40           # panes at once, above which each breaks into fewer pieces
-FEWEST = 2           # the same where there is little room for more bodies
-SHARDS = 64          # awake shards that there should be: the more, the fewer does a pane give
-BODIES = 300         # awake bodies up to which there may be more; beyond, panes wait, cracked
-_MOST = 4            # panes that fall out in one step: each time their piece is made anew
-_NEAR = 0.02         # [m] from a pane, within which a contact of its piece is one on the glass
-_JUST_OVER = 1.01    # load of a pane whose frame bends
+_MANY = 40           # panes broken at once, above which each breaks into fewer pieces
+FEWEST = 2           # the same when the budget of bodies is nearly used up
+SHARDS = 64          # awake shards aimed at: the more there are, the fewer does a pane break into
+BODIES = 300         # awake bodies up to which shards are made; beyond, cracked panes wait
+_MOST = 4            # panes that fall out in one step: their piece is made anew each time
+_NEAR = 0.02         # [m] from a pane, within which a contact of its piece is on the glass
+_JUST_OVER = 1.01    # load of a pane in a bent frame
 
 
 @dataclass(frozen=True)
@@ -60,9 +60,9 @@ class CrackedPane:
 
     :ivar part: index.
     :ivar pieces: its shards.
-    :ivar share: velocity of each shard over that of the glass under the blow, (S,).
-    :ivar mass: of the glass that moves with what strikes it [kg].
-    :ivar resistance: of the pane against a blow in one point.
+    :ivar share: velocity of each shard over that of the struck glass, (S,).
+    :ivar mass: of the glass that moves with the striking object [kg].
+    :ivar resistance: of the pane against a blow at one point.
     """
 
     part: int
@@ -73,14 +73,14 @@ class CrackedPane:
 
 
 def pressure(model: Model, parts: np.ndarray) -> np.ndarray:
-    """Give the steady pressure at which panes break [Pa], (K,)."""
+    """Return the static pressure at which panes break [Pa], (K,)."""
     slenderness = model.glass.edge[parts] / model.glass.thickness[parts]
     return _STRENGTH / (_PLATE_STRESS * (slenderness * slenderness))
 
 
 def frequency(model: Model, parts: np.ndarray) -> np.ndarray:
     """
-    Give the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
+    Return the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
 
     2·π²/a²·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates, 4.1). Pane
     and contact are springs in series: the squares of their half periods add up to that of a blow.
@@ -97,9 +97,9 @@ def crack(model: Model, part: int, point: np.ndarray | None = None, size: float 
     Prepare a standing pane for breaking.
 
     :param part: index.
-    :param point: where it is struck, world [m], (3,); None = everywhere.
-    :param size: of what strikes it there [m].
-    :param count: of panes that break together.
+    :param point: of impact, world [m], (3,); None = everywhere.
+    :param size: of the striking object there [m].
+    :param count: number of panes that break together.
     """
     source = model.blueprint
     pieces = _PIECES if count < _MANY else _PIECES // 2
@@ -125,8 +125,8 @@ def shatter_standing(model: Model, state: State,
     """
     Replace standing panes by flying shards.
 
-    :param panes: each with the velocity of the glass under the blow [m/s], (3,), and the load
-        over what it bears.
+    :param panes: each with the velocity of the struck glass [m/s], (3,), and its load over
+        strength.
     :param cause: of the breaks.
     """
     shards = []
@@ -141,15 +141,15 @@ def shatter_standing(model: Model, state: State,
 def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
           made: Callable[[], Blows], broken: Sequence[np.ndarray]) -> None:
     """
-    Find out which panes in loose pieces the contacts of the last step broke.
+    Find the panes in loose pieces that the contacts of the last step broke.
 
-    A pane breaks when its edges are stopped harder across the glass than it bears in bending, when
-    something hits it in one point, or when a bond of it or of its frame breaks. Writes
+    A pane breaks when its edges are decelerated across the glass beyond its bending strength, when
+    it is struck at one point, or when a bond of it or of its frame breaks. Writes
     `state.glass.load`.
 
     :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
     :param change: of velocity by contacts, by id, (B, 6).
-    :param made: gives the blows of the last step.
+    :param made: returns the blows of the last step.
     :param broken: bonds that broke in pieces, rows of the blueprint.
     """
     own, glass = state.glass, model.glass
@@ -164,14 +164,14 @@ def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
     if broken:
         bent = np.searchsorted(glass.parts, in_bent_frames(model, np.concatenate(broken)))
         own.load[bent] = np.maximum(own.load[bent], _JUST_OVER)
-    own.load[~loose] = 0.0  # it stands, rests as it is, or is no more
+    own.load[~loose] = 0.0  # it stands, rests as it is, or is gone
 
 
 def in_bent_frames(model: Model, bonds: np.ndarray) -> np.ndarray:
     """
-    List the panes that broken bonds held, or whose frame they held, (P,).
+    List the panes whose bonds or whose frames' bonds broke, (P,).
 
-    :param bonds: rows of the blueprint, (K,).
+    :param bonds: broken ones, rows of the blueprint, (K,).
     """
     glass = model.glass
     torn = np.zeros(len(model.blueprint) + 1, bool)
@@ -181,15 +181,15 @@ def in_bent_frames(model: Model, bonds: np.ndarray) -> np.ndarray:
 
 
 def is_waiting(state: State) -> bool:
-    """Return whether any cracked pane of a loose piece is still in one piece."""
+    """Return whether any cracked pane of a loose piece has not shattered yet."""
     return bool(np.any(state.glass.load > 1.0))
 
 
 def shatter_loose(model: Model, state: State) -> bool:
     """
-    Replace cracked panes of loose pieces by shards, as many as there is room for.
+    Replace cracked panes of loose pieces by shards, within the budget of bodies.
 
-    :returns: whether any did.
+    :returns: whether any shattered.
     """
     own = state.glass
     rows = np.flatnonzero(own.load > 1.0)
@@ -216,7 +216,7 @@ def shatter_loose(model: Model, state: State) -> bool:
 
 
 def _point_force(model: Model, parts: np.ndarray) -> np.ndarray:
-    """Give the force in one point that panes withstand [N], (K,)."""
+    """Return the point force that panes withstand [N], (K,)."""
     return _STRENGTH * np.square(model.glass.thickness[parts]) / _POINT_STRESS
 
 
@@ -232,12 +232,12 @@ def _cut_up(model: Model, part: int, pose: np.ndarray, pieces: int,
 
 
 def _named(part: int) -> str:
-    """Name the object that the shards of a pane make."""
+    """Return the name of the object made of the shards of a pane."""
     return f'pane_{part}'
 
 
 def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
-    """Give what shards gain as the pane springs back, without net momentum, (S, 6)."""
+    """Draw the velocities of shards by springback, without net momentum, (S, 6)."""
     rng = np.random.default_rng([model.seed, part, 1])
     gained = standard_normal(rng, (len(pieces), 6)) * ([_SPRING] * 3 + [_SPIN] * 3)
     gained[:, :3] -= product(pieces.mass, gained[:, :3]) / pieces.mass.sum()
@@ -247,10 +247,10 @@ def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
 def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
              jump: np.ndarray) -> np.ndarray:
     """
-    Give the bending of panes whose edges were stopped, over their strength, (K,).
+    Return the bending of panes with decelerated edges over their strength, (K,).
 
     :param rows: panes, (K,); body: ids of their bodies, (K,).
-    :param jump: change of velocity of these, (K, 6).
+    :param jump: change of velocity of the bodies, (K, 6).
     """
     parts, start = model.glass.parts[rows], state.rubble.poses[body]
     pose = rotation.compose(start, state.parts.local[parts])
@@ -266,11 +266,11 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
 def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,
                  made: Callable[[], Blows]) -> tuple[np.ndarray, np.ndarray]:
     """
-    Give the contact forces on panes over the force in one point that they bear.
+    Return the contact forces on panes over their point strength.
 
     :param rows: loose panes, (K,).
     :param struck, made: see `judge`.
-    :returns: row and load of each such contact.
+    :returns: row and load of each contact.
     """
     contacts, start = state.world.contacts(), state.rubble.poses
     body = state.carrier[model.glass.parts[rows]]
@@ -295,7 +295,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
 
 def _shards_of(model: Model, state: State, part: int,
                pieces: int) -> tuple[Blueprint, np.ndarray]:
-    """Cut up a pane where its body carries it: shards, and their velocities, (S, 6)."""
+    """Cut up a pane carried by a body: shards, and their velocities, (S, 6)."""
     bodies, body = state.world.bodies, state.parts.body[part]
     pose = fragments.part_states(state, np.array([part]))[0][0]
     velocity = bodies.velocities[body].copy()

@@ -33,7 +33,7 @@ from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.scene import SceneObject
 from procphys_ros.simulation.obstacles import Bricks
 
-REACH = 0.1  # [m] from the middle of a segment to the surface that it holds on to
+REACH = 0.1  # [m] from the middle of a segment to the surface that holds it
 
 
 @dataclass(frozen=True)
@@ -41,11 +41,11 @@ class Climbers:
     """
     Anchors of climbing plants.
 
-    :ivar anchors: which parts hold on to which, and how fast.
-    :ivar row: of the forest that is held, (K,).
-    :ivar host_row: of the forest that holds it, -1 for a wall, (K,).
-    :ivar place: of the middle of the segment at rest [m], world, or in the axes of a host that is
-        a branch, from its centre of mass, (K, 3).
+    :ivar anchors: pairs of held and holding parts, and their strengths.
+    :ivar row: held row of the forest, (K,).
+    :ivar host_row: holding row of the forest, -1 for a wall, (K,).
+    :ivar place: of the middle of the segment at rest [m], world, or in the axes of a host branch,
+        from its centre of mass, (K, 3).
     """
 
     anchors: Anchors
@@ -57,14 +57,14 @@ class Climbers:
 def find(blueprint: Blueprint, objects: Sequence[SceneObject], bricks: Bricks,
          loaded: int) -> Anchors:
     """
-    Find what climbing plants hold on to.
+    Find the anchors of climbing plants.
 
-    Plants that join a running scene hold on to walls that are there already; they do not change
-    what carries a tree that stands.
+    Plants that join a running scene are anchored to walls that exist already; they do not add
+    load to standing trees.
 
     :param objects: owners of the parts, in part order.
     :param bricks: all masonry.
-    :param loaded: number of parts that were there from the start.
+    :param loaded: number of parts at the start.
     """
     wood = np.flatnonzero(blueprint.bond_law == Law.HINGE)
     child = blueprint.bonds[wood, 1]
@@ -108,7 +108,7 @@ def place(forest: Forest, anchors: Anchors, row: np.ndarray) -> Climbers:
 
 def _near(blueprint: Blueprint, part: np.ndarray,
           host: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pair segments, by their places in `part`, with parts whose bounds they are near."""
+    """Pair segments, by their places in `part`, with parts of nearby bounds."""
     point = blueprint.poses[part, :3]
     bounds = piece_bounds(blueprint.shape[host], blueprint.poses[host], blueprint.solid_size(host),
                           np.zeros((len(host), 6)), 0.0, 0.0)
@@ -117,7 +117,7 @@ def _near(blueprint: Blueprint, part: np.ndarray,
 
 
 def _distance(blueprint: Blueprint, part: np.ndarray, host: np.ndarray) -> np.ndarray:
-    """Give the distances of the middles of segments from the surfaces of parts [m], (K,)."""
+    """Return the distances of the middles of segments from the surfaces of parts [m], (K,)."""
     pose, half = blueprint.poses[host], 0.5 * blueprint.solid_size(host)
     local = rotation.rotate(rotation.conjugate(pose[:, 3:]),
                             blueprint.poses[part, :3] - pose[:, :3])

@@ -45,31 +45,31 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.returned_impulses import Begun, give_back
 from procphys_ros.simulation.state import State
 
-_SCREEN = 0.5       # of its weakest bond's strength: forces below it cannot break a piece
-_LEVER = 8.0 / 27.0  # of half of the length of a free bar: largest moment over force, where the
-#                     bar is hit at its end; in the middle it is 1/4
-_NODES = 60         # cells that a piece breaks into at most in one step
-_PER_CELL = 5       # what a cell costs to judge, in units of ...
-_WORK = 1000        # ... parts taken apart in one step, about 8 µs each; the rest follows, but
-#                    stops in full before it breaks, so lumps do not wait
-_COARSE = 8         # cells that a far piece breaks into at most in one step
-_COARSER = 8        # how many times larger than near ones the smallest far pieces are
-_BODIES = 240       # awake bodies that there should be: the more, the coarser pieces break
-_LARGE = 70        # pieces that may be, however many bricks fly about: no storey falls in one
-_LUMP = 10.0       # of the mean size of pieces: what is larger, 24 at most, breaks into such lumps
-#                    whatever room there is, and at once, ...
-_HUGE = 24.0       # ... and what is larger than this, 10 at most, as finely as may be: a few large
-#                    cells are too stiff to show what a blow on one of their corners breaks
+_SCREEN = 0.5       # of the strength of its weakest bond: smaller forces cannot break a piece
+_LEVER = 8.0 / 27.0  # of half the length of a free bar: largest moment over force, with the force
+#                     at its end; in the middle it is 1/4
+_NODES = 60         # cells per broken piece and step, at most
+_PER_CELL = 5       # cost of judging a cell, in units of ...
+_WORK = 1000        # ... parts broken in one step, about 8 µs each; the rest follows, but is
+#                    stopped fully before it breaks, so lumps do not wait
+_COARSE = 8         # cells per broken distant piece and step, at most
+_COARSER = 8        # size of the smallest distant pieces over that of near ones
+_BODIES = 240       # awake bodies aimed at: the more there are, the coarser pieces break
+_LARGE = 70        # pieces allowed, however many bricks are flying: no storey falls in one piece
+_LUMP = 10.0       # of the mean size of pieces: larger ones, 24 at most, break into such lumps
+#                    at once and beyond any budget, ...
+_HUGE = 24.0       # ... and those above this, 10 at most, as finely as possible: a few large cells
+#                    are too stiff to show the damage by a blow on one of their corners
 
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Break what the contacts of the engine's step overloaded.
+    Break the pieces that the contacts of the engine's step overloaded.
 
-    The engine lets pieces collide as rigid bodies. Where a blow is more than their bonds transmit,
-    only that share of the impulse was real: the rest is taken back on both sides, the piece is
-    split, and the parts collide on their own from the next step on. Momentum is kept: both sides
-    get equal and opposite shares back. Writes bodies and their bonds.
+    The engine lets pieces collide as rigid bodies. Where a blow exceeds the strength of their
+    bonds, only the transmitted share of the impulse was real: the rest is removed on both sides,
+    the piece is split, and the parts collide on their own from the next step on. Momentum is kept:
+    both sides get equal and opposite shares back. Writes bodies and their bonds.
     """
     if not (len(state.world.awake) or state.rubble.waiting or glass.is_waiting(state)):
         return
@@ -84,7 +84,7 @@ def step(model: Model, state: State, dt: float) -> None:
     splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
               >= 2.0 * (grain if room >= 2 else _LUMP * grain))
     broken = []
-    made = cache(partial(blows_of, model, state, change))  # which takes milliseconds
+    made = cache(partial(blows_of, model, state, change))  # expensive: milliseconds
     if splits:
         broken = _break(model, state, struck, made(), grain, room, share)
     glass.judge(model, state, struck, change, made, [result.bonds for _, result in broken])
@@ -106,7 +106,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
-    """Return which bodies break coarsely, being far from the observer, (K,) bool."""
+    """Mark the bodies that break coarsely, being far from the observer, (K,) bool."""
     sharp = model.settings.culling.debris_distance
     if state.observer is None or sharp == 0.0:
         return np.zeros(len(bodies), bool)
@@ -120,12 +120,12 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
     Judge the blows on pieces.
 
     :param struck: see `_struck`.
-    :param made: in the last step.
+    :param made: blows of the last step.
     :param grain: see `_grain`.
     :param room: see `_room`.
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), written in
         place.
-    :returns: those that broke something, and what.
+    :returns: the blows that broke bonds, with their breakage.
     """
     blows = [b for b in state.rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
     late = len(blows)
@@ -155,27 +155,27 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
         np.concatenate([_wrenches(model, state, blow) for blow in judged]), wanted,
         [blow.energy for blow in judged])
     for turn, blow, result in zip(chosen, judged, results):
-        if len(result.bonds) and turn >= late:  # the impulse of a late blow is history
+        if len(result.bonds) and turn >= late:  # the impulse of a late blow was applied before
             share[blow.body] = result.share
     return [(blow, result) for blow, result in zip(judged, results) if len(result.bonds)]
 
 
 def _wrenches(model: Model, state: State, blow: Blow) -> np.ndarray:
-    """Distribute a blow to the parts of its body, in the frame of the blueprint, (P, 6)."""
+    """Distribute a blow over the parts of its body, in the frame of the blueprint, (P, 6)."""
     parts, contacts = blow.parts, cast(BodyContacts, blow.contacts)
     return spread(contacts, state.parts.local[parts], state.parts.size[parts],
                   model.blueprint.poses[parts])
 
 
 def _room(state: State) -> int:
-    """Give how many bodies may be added to those that are awake."""
+    """Return the number of bodies that may be added to the awake ones."""
     size, awake = state.bodies.size, state.world.awake
     large = size[awake[awake < len(size)]] >= _grain(state)
     return max(_BODIES - len(awake), _LARGE - int(np.count_nonzero(large)))
 
 
 def _grain(state: State) -> float:
-    """Give the mean size of the pieces if all that moves now broke into as many as may."""
+    """Return the mean size of the pieces when all moving ones are broken within the budget."""
     awake = state.world.awake
     awake = awake[awake < len(state.bodies.size)]
     return max(float(state.bodies.size[awake].sum()) / _BODIES, 1.0)
@@ -184,11 +184,11 @@ def _grain(state: State) -> float:
 def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
            grain: float) -> Iterator[Blow]:
     """
-    List the blows that might break something, the hardest first.
+    List the blows that might break a piece, the hardest first.
 
-    :param made: in the last step.
+    :param made: blows of the last step.
     :param struck: bodies that were stopped or pushed; others only rest on each other.
-    :param grain: parts of the smallest pieces that there is room for.
+    :param grain: number of parts of the smallest pieces within the budget.
     """
     contacts = made.contacts
     bodies, known, bonds = state.world.bodies, state.bodies, state.loose_bonds
@@ -224,9 +224,9 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
 
 def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
     """
-    Select the contacts of those blows that have none yet, all in one go.
+    Select the contacts of the blows that have none yet, all at once.
 
-    Contacts that have the body second are listed behind all others.
+    Contacts with the body as the second are listed after all others.
     """
     fresh = [n for n, blow in enumerate(blows) if blow.contacts is None]
     if not fresh:
@@ -253,7 +253,7 @@ def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
 
 
 def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray:
-    """Give the causes of broken bonds: tension where what lies bends under its own weight."""
+    """Return the causes of broken bonds: tension where a resting piece bends under its weight."""
     if np.isfinite(blow.energy):
         return np.full(len(bonds), Cause.IMPACT)
     wood = model.blueprint.bond_law[bonds] == Law.HINGE
@@ -262,14 +262,14 @@ def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray:
 
 def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
     """
-    Give the number of cells that each piece may break into; below 2 it stays as it is.
+    Return the number of cells of each piece; below 2 it is not broken.
 
-    Small pieces under lasting forces are pressed hard, see `sustained_loads`: they break whatever
-    room there is.
+    Small pieces under lasting forces are heavily loaded, see `sustained_loads`: they break
+    beyond the budget.
 
     :param blows: the hardest first.
     :param room: for more bodies.
-    :param grain: parts of the smallest pieces that there is room for in the long run.
+    :param grain: number of parts of the smallest pieces within the budget in the long run.
     """
     total = sum(len(b.parts) for b in blows)
     cells = []

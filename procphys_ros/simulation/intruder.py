@@ -32,24 +32,24 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.obstacles import Obstacles
 from procphys_ros.simulation.state import IntruderState, State
 
-SMOOTHING = 0.1  # [s] time constant of the wrench that is given out; contacts of rigid bodies jump
-_YIELD = 0.003   # [m] that a brick gives before its bonds exert all their strength
-_THROUGH = 0.03  # [m] that it reaches into a wall until all that is in its way comes out, ...
-_FIRST = 100.0   # [N] ... while what it presses with grows from this, ...
-_MORE = 1.5      # ... by this factor each time when the wall has been found to stand it
-_STILL = 1e-3    # [m/s] slower, debris at rest is left so
+SMOOTHING = 0.1  # [s] time constant of the published wrench; contacts of rigid bodies jump
+_YIELD = 0.003   # [m] deformation of a brick until its bonds exert all their strength
+_THROUGH = 0.03  # [m] penetration of a wall until the bricks in the way come out, ...
+_FIRST = 100.0   # [N] ... with a force that starts at this value, ...
+_MORE = 1.5      # ... and is multiplied by this factor whenever the wall has withstood it
+_STILL = 1e-3    # [m/s] slower intruders do not wake resting debris
 _ALIKE = 0.7     # least cosine between pushes on bricks that come out together
-_SPACING = 0.25  # [radii] of the balls that a capsule presses walls as; 1 % of the radius between
+_SPACING = 0.25  # [radii] between balls that approximate a capsule, to 1 % of the radius
 
 
 def place(model: Model, state: State, name: str, pose: np.ndarray, time: float) -> None:
     """
-    Set the target of an intruder; see `PoseInterpolator` for how it gets there.
+    Set the target of an intruder; see `PoseInterpolator` for its motion.
 
     :param name: of the intruder.
     :param pose: x y z [m], unit quaternion, (7,), world.
-    :param time: of the simulation, at which the pose is valid [s].
-    :raises CommandError: when there is no such intruder.
+    :param time: simulation time at which the pose is valid [s].
+    :raises CommandError: if there is no such intruder.
     """
     own, world = named(state, name), state.world
     if not own.path.set_target(pose, time):
@@ -65,7 +65,7 @@ def named(state: State, name: str) -> IntruderState:
     """
     Find an intruder.
 
-    :raises CommandError: when there is none of this name.
+    :raises CommandError: if none has this name.
     """
     own = state.intruders.get(name) if isinstance(name, str) else None
     if own is None:
@@ -74,18 +74,18 @@ def named(state: State, name: str) -> IntruderState:
 
 
 def bodies(state: State) -> dict[str, int]:
-    """Give the ids in the world of the intruders that have been placed, by name."""
+    """Return the body ids of the intruders that have been placed, by name."""
     return {name: own.body for name, own in state.intruders.items() if own.body >= 0}
 
 
 def advance(model: Model, state: State, dt: float) -> None:
     """
-    Move the intruders, whatever is in their way, and load the walls that they touch.
+    Move the intruders through any obstacle, and load the walls that they touch.
 
-    Branches and loose bodies are pushed aside with their own masses. Bricks that stand press back
-    the more the deeper it gets into them, up to what they withstand together, and then come out
-    with what they push ahead.
-    Intruders pass through each other. Writes `state.intruders`, bodies and loads; releases.
+    Branches and loose bodies are pushed aside with their own masses. Standing bricks resist more,
+    the deeper it penetrates, up to their joint strength, and then come out with the bricks ahead
+    of them. Intruders pass through each other. Writes `state.intruders`, bodies and loads;
+    releases.
     """
     world = state.world
     for name, own in state.intruders.items():
@@ -103,7 +103,7 @@ def advance(model: Model, state: State, dt: float) -> None:
 
 
 def sum_wrench(model: Model, state: State, dt: float) -> None:
-    """Sum up what acted on the intruders in the engine's step; writes their wrenches."""
+    """Sum up the forces on the intruders in the engine's step; writes their wrenches."""
     world = state.world
     for own in state.intruders.values():
         if own.body < 0:
@@ -123,7 +123,7 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
 
 
 def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> np.ndarray:
-    """Give bounds of its ball, before and after a step, (1, 6)."""
+    """Return bounds of its bounding sphere, swept over a step, (1, 6)."""
     table = state.world.bodies
     centre, room = table.poses[own.body, :3], table.radius[own.body]
     way = velocity[:3] * dt
@@ -132,7 +132,7 @@ def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -
 
 
 def _wake(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> None:
-    """Wake resting debris that it reaches, however slowly."""
+    """Wake resting debris within its reach, however slow it is."""
     table = state.world.bodies
     resting = np.flatnonzero(table.state == BodyState.RESTING)
     _, hit = overlaps(_bounds(state, own, velocity, dt), table.bounds[resting])
@@ -149,7 +149,7 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
     most = max(own.pressed * (_MORE if masonry.is_stable(state) else 1.0), _FIRST)
     own.pressed = 0.0
     for rows in _together(depth, normal):
-        rows = rows[state.standing[near.part[rows]]]  # plugs may have taken some of them along
+        rows = rows[state.standing[near.part[rows]]]  # others may have released them
         if not len(rows):
             continue
         push = -normal[rows].mean(axis=0)
@@ -174,7 +174,7 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
 
 
 def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
-    """Sort touched bricks by the way they are pushed; those that come out now are first."""
+    """Group touched bricks by the direction of their push; those that come out now are first."""
     for rows in (np.flatnonzero(depth > _YIELD),
                  np.flatnonzero((depth > 0.0) & (depth <= _YIELD))):
         while len(rows):
@@ -186,9 +186,9 @@ def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
 def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
                push: np.ndarray) -> float:
     """
-    Release bricks and what they push ahead; give the momentum of all of it [N·s].
+    Release bricks and those pushed ahead; return the momentum of all of them [N·s].
 
-    :param plug: the bricks, then what they push ahead, (P,).
+    :param plug: the bricks, then those pushed ahead, (P,).
     :param speed: of each of the bricks [m/s], (K,).
     """
     pieces = breaking.pieces_of(state, plug[:len(speed)], plug)
@@ -202,7 +202,7 @@ def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
 
 def _deepest(pieces: Pieces, pose: np.ndarray,
              near: Obstacles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give how deep an intruder sticks in each brick with its deepest piece; see `touch`."""
+    """Return the deepest penetration of an intruder into each brick; see `touch`."""
     depth, normal = np.zeros(len(near.pose)), np.zeros((len(near.pose), 3))
     point = np.zeros((len(near.pose), 3))
     if not len(near.pose):
@@ -218,7 +218,7 @@ def _deepest(pieces: Pieces, pose: np.ndarray,
 
 
 def _solids(pieces: Pieces) -> Iterator[tuple[bool, np.ndarray, np.ndarray]]:
-    """Cut pieces into boxes and balls; a capsule becomes a close row of balls."""
+    """Divide pieces into boxes and balls; a capsule becomes a close row of balls."""
     for shape, local, size in zip(pieces.shapes, pieces.local_poses, pieces.sizes):
         straight = size[2] - size[0]
         if shape == Shape.BOX or straight <= 0.0:

@@ -22,20 +22,20 @@ from procphys_ros.simulation import climbers, contact
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_ROUNDS = 3  # the wind changes with the height of what it bends: by a twentieth per round
-_SHARES = 0.5, 0.25, 0.0  # of the wind, for trees that would lean into a wall in all of it
-_INSIDE = 0.005  # [m] overlap with a wall or body that counts
+_ROUNDS = 3  # iterations: the wind changes with the height of bent trees, a twentieth per round
+_SHARES = 0.5, 0.25, 0.0  # of the wind, for trees that the full wind would bend into a wall
+_INSIDE = 0.005  # [m] smallest overlap with a wall or body that counts
 
 
 def lean(model: Model, state: State, first: int = 0) -> None:
     """
-    Bend trees at rest as the mean wind holds them that blows now, gusts and eddies left out.
+    Bend trees at rest into equilibrium with the present mean wind, without gusts and eddies.
 
-    What they cannot bear breaks in the first step. Trees that would lean into walls or bodies
-    take half of the wind, a quarter of it, or none: the most that keeps them clear of these.
+    Overloaded joints break in the first step. Trees that would bend into walls or bodies get half
+    of the wind, a quarter of it, or none: the largest share that keeps them clear.
     Writes the forest, its anchors, and the poses and the air of these trees.
 
-    :param first: row of the forest from which on they are at rest.
+    :param first: first row of the forest that is at rest.
     """
     forest, wind = state.forest, state.wind
     roots = forest.plan.row[forest.plan.start[:-1]]
@@ -58,7 +58,7 @@ def lean(model: Model, state: State, first: int = 0) -> None:
 
 
 def _lean(model: Model, state: State, trees: np.ndarray, share: float, on_trees: bool) -> None:
-    """Find the equilibrium of some trees, and of what climbs on them, in a share of the wind."""
+    """Solve the equilibrium of some trees, and of their climbers, in a share of the wind."""
     forest, air = state.forest, state.trees.air
     clings = np.isin(trees, _trees_of(forest, np.flatnonzero(
         forest.active & (forest.anchors[:, anchors.STIFFNESS] > 0.0))))
@@ -77,6 +77,6 @@ def _lean(model: Model, state: State, trees: np.ndarray, share: float, on_trees:
 
 
 def _trees_of(forest: Forest, rows: np.ndarray) -> np.ndarray:
-    """Give the trees of the plan that rows belong to, (K,)."""
+    """Return the trees of the plan that rows belong to, (K,)."""
     plan = forest.plan
     return np.unique(np.searchsorted(plan.row[plan.start[:-1]], forest.roots(rows)))

@@ -26,17 +26,17 @@ _KEPT = 1000  # blows listed singly; older ones count in the totals only
 @dataclass(frozen=True)
 class Impact:
     """
-    One blow of a projectile on what stands.
+    A blow of a projectile to a standing part.
 
-    :ivar time: of the step it happened in [s].
+    :ivar time: of its step [s].
     :ivar projectile: its part.
-    :ivar point: where it touched, world [m], (3,).
-    :ivar parts: what it touched, (K,).
-    :ivar torn: whether these came off (of trees: never, they bend first).
+    :ivar point: of contact, world [m], (3,).
+    :ivar parts: struck ones, (K,).
+    :ivar torn: whether they came off (of trees: never, they bend first).
     :ivar lost: momentum that the projectile lost [N·s], (3,).
-    :ivar carried: momentum that the struck parts took along [N·s], (3,).
+    :ivar carried: momentum of the struck parts [N·s], (3,).
     :ivar grounded: momentum that went through the wall to the ground [N·s], (3,).
-    :ivar work: of fracture, taken from what moves [J].
+    :ivar work: of fracture, lost by the moving bodies [J].
     """
 
     time: float
@@ -53,19 +53,19 @@ class Impact:
 @dataclass
 class MomentumLedger:
     """
-    The books of all blows since the start.
+    The momentum balance of all blows since the start.
 
     :ivar recent: the last blows, oldest first.
     :ivar count: number of all blows.
-    :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded. Of
-        masonry that blows throw over, the momentum is carried, too, from when it comes off.
+    :ivar lost, carried, grounded: sums over all blows [N·s], (3,); lost = carried + grounded. The
+        momentum of masonry that blows throw over is carried, too, once it is released.
     :ivar work: of fracture, sum over all blows [J].
-    :ivar thrown: momentum of all that charges in walls threw, when they went off [N·s], (3,); what
-        stands around the charges got as much the other way.
-    :ivar waves: impulse that blast waves gave to what stood, without panes [N·s], (3,).
-    :ivar blown: of that what parts took along when they came off [N·s], (3,); the rest went into
-        the ground, or is in walls that still shake.
-    :ivar released: energy that this moves with [J], which the charges brought.
+    :ivar thrown: momentum of all parts thrown by charges in walls [N·s], (3,); the surrounding
+        masonry got the opposite.
+    :ivar waves: impulse of blast waves on standing parts, without panes [N·s], (3,).
+    :ivar blown: the share of it carried by released parts [N·s], (3,); the rest went into the
+        ground, or is in walls that still vibrate.
+    :ivar released: kinetic energy of the thrown parts [J], supplied by the charges.
     """
 
     recent: deque[Impact] = field(default_factory=lambda: deque(maxlen=_KEPT))
@@ -80,7 +80,7 @@ class MomentumLedger:
     blown: np.ndarray = field(default_factory=lambda: np.zeros(3))
 
     def record(self, impact: Impact) -> None:
-        """Enter a blow."""
+        """Record a blow."""
         self.recent.append(impact)
         self.count += 1
         self.lost = self.lost + impact.lost
@@ -89,11 +89,11 @@ class MomentumLedger:
         self.work += impact.work
 
     def come_off(self, momentum: np.ndarray) -> None:
-        """Enter the momentum with which masonry comes off that blows throw over [N·s], (3,)."""
+        """Record the momentum of released masonry that blows threw over [N·s], (3,)."""
         self.carried = self.carried + momentum
         self.grounded = self.grounded - momentum
 
     def throw(self, momentum: np.ndarray, energy: float) -> None:
-        """Enter what a charge threw: the sum of its momenta [N·s], (3,), and its energy [J]."""
+        """Record the sum of momenta [N·s], (3,), and the energy [J] thrown by a charge."""
         self.thrown = self.thrown + momentum
         self.released += energy

@@ -31,17 +31,17 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-INTRUDER = -3  # in place of a part; those with names are -4, -5, … in their order
+INTRUDER = -3  # in place of a part; named ones are -4, -5, … in their order
 
 
 @dataclass(frozen=True)
 class Scan:
     """
-    Ranges that were measured at one instant.
+    Ranges measured at one instant.
 
     :ivar pose: of the sensor, world, (7,).
     :ivar ranges: [m], inf = nothing, (V, H).
-    :ivar parts: that were hit, (V, H); `lidar.GROUND`, `lidar.NOTHING`, or `INTRUDER` and less.
+    :ivar parts: hit parts, (V, H); `lidar.GROUND`, `lidar.NOTHING`, or `INTRUDER` and less.
     :ivar directions: of the rays in the frame of the sensor, (V, H, 3).
     """
 
@@ -51,7 +51,7 @@ class Scan:
     directions: np.ndarray
 
     def points(self, in_world: bool) -> np.ndarray:
-        """Give what was hit [m], (V, H, 3), in the world or the sensor's frame; NaN = nothing."""
+        """Return the hit points [m], (V, H, 3), in the world or the sensor's frame; NaN = none."""
         ranges = np.where(np.isfinite(self.ranges), self.ranges, np.nan)
         points = self.directions * ranges[..., None]
         if not in_world:
@@ -61,13 +61,13 @@ class Scan:
 
 def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     """
-    Take one scan; nothing moves meanwhile.
+    Take one scan of the scene at the present instant.
 
-    Parts are seen as the boxes and capsules that they collide as, those in walls with the mortar
-    around them, so that no ray slips through a joint; leaves and dust are not seen.
+    Parts are seen as their collision boxes and capsules, those in walls with the mortar around
+    them, so that no ray slips through a joint; leaves and dust are not seen.
 
-    :returns: None when the sensor is attached to an intruder that is not there yet.
-    :raises CommandError: when these are no settings of a lidar, or there is no such intruder.
+    :returns: None if the sensor is attached to an intruder that has not been placed.
+    :raises CommandError: if these are not settings of a lidar, or there is no such intruder.
     """
     if not isinstance(settings, LidarSettings):
         raise CommandError(f'{short(settings)} is no LidarSettings')
@@ -98,7 +98,7 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
 
 
 def _pose(state: State, settings: LidarSettings) -> tuple[np.ndarray | None, int]:
-    """Give where the sensor is, (7,), and the body that carries it, -1 for none."""
+    """Return the pose of the sensor, (7,), and the body that carries it, -1 for none."""
     own = np.concatenate([settings.position, _attitude(settings.rotation)])
     if not settings.attached_to:
         return own, -1
@@ -110,7 +110,7 @@ def _pose(state: State, settings: LidarSettings) -> tuple[np.ndarray | None, int
 
 
 def _attitude(angles: tuple[float, ...]) -> np.ndarray:
-    """Turn roll, pitch and yaw about the fixed axes x, y, z into a quaternion (4,)."""
+    """Convert roll, pitch and yaw about the fixed axes x, y, z to a quaternion (4,)."""
     roll, pitch, yaw = (rotation.from_axis_angle(axis, np.asarray(angle))
                         for axis, angle in zip(np.eye(3), angles))
     return rotation.multiply(yaw, rotation.multiply(pitch, roll))

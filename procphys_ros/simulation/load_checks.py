@@ -35,18 +35,18 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 _LOG = logging.getLogger(__name__)
-_HANGING = 0.02  # [m] above the ground from which on an object is told not to stand on it
-_SUNK = 0.01     # [m] below the ground from which on an object is called sunk
+_HANGING = 0.02  # [m] above the ground from which on an object is reported as hanging
+_SUNK = 0.01     # [m] below the ground from which on an object is reported as sunk
 _OVERLAP = 0.01  # [m] depth from which on objects overlap: twice what roofs have by their tiles
 _TWIGS = 0.2     # [m] the same for trees and walls: thinner twigs give way
 _CAPACITIES = {Cause.FORCE: 'BreakForce', Cause.TWIST: 'BreakTorque', Cause.BENDING: 'Strength',
                Cause.UPROOTING: 'RootMoment'}
-_MOST = 10       # lines about overlaps; who places a hundred houses in one place knows by then
+_MOST = 10       # lines about overlaps; more would not help
 
 
 def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
                  terrain: Terrain = FLAT) -> list[str]:
-    """List what is wrong with where objects are: below the ground, or in each other."""
+    """List misplaced objects: those below the ground, hanging, or overlapping."""
     if not len(blueprint) or not objects:
         return []
     present = np.ones(len(blueprint), bool)
@@ -56,7 +56,7 @@ def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
 
 
 def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
-    """List what is wrong with where the last object is, which has just joined a running scene."""
+    """List errors in the place of the last object, which has just joined a running scene."""
     blueprint = replace(state.blueprint, poses=state.shown_poses())
     objects, present = state.objects, state.parts.owner != Owner.GONE
     added = len(objects) - 1
@@ -67,7 +67,7 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
 
 
 def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) -> list[str]:
-    """List the trees that break under their weight, and climbers with nothing to hold on to."""
+    """List the trees that break under their weight, and climbers without anchors."""
     blueprint, forest = state.blueprint, state.forest
     row, cause, ratio = forest.overloaded_by_weight()
     part = forest.parts[row]
@@ -98,7 +98,7 @@ def _idle_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],
 
 
 def log(lines: Sequence[str]) -> tuple[str, ...]:
-    """Log warnings, a line each, and give them back."""
+    """Log warnings, a line each, and return them."""
     for line in lines:
         _LOG.warning(line)
     return tuple(lines)
@@ -108,11 +108,11 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
                       rounds: Sequence[Failures], rows: np.ndarray,
                       loose: np.ndarray) -> list[str]:
     """
-    Return which objects crack or break under their own weight, how much, and where first.
+    Describe the objects that crack or break under their own weight, and where first.
 
     :param rounds: of failure, in their order.
     :param rows: of the blueprint's bonds, by row of the bond graph.
-    :param loose: parts that fall, (K,).
+    :param loose: falling parts, (K,).
     """
     if not rounds:
         return []
@@ -137,7 +137,7 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
 
 
 def _dry(blueprint: Blueprint) -> np.ndarray:
-    """Tell joints without strength, whose cracks are no failure, (M,) bool."""
+    """Mark joints without strength, whose cracks are not failures, (M,) bool."""
     found = np.zeros(len(blueprint.bonds), bool)
     mortar = blueprint.mortar
     found[blueprint.bond_law == Law.MORTAR] = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
@@ -146,7 +146,7 @@ def _dry(blueprint: Blueprint) -> np.ndarray:
 
 def _hanging(blueprint: Blueprint, objects: Sequence[SceneObject],
              terrain: Terrain) -> list[str]:
-    """Name built objects that neither reach the ground nor stand on another object."""
+    """Report built objects that neither reach the ground nor stand on another object."""
     up = np.abs(rotation.to_matrix(blueprint.poses[:, 3:])[:, 2])
     height = blueprint.poses[:, 2] - 0.5 * (up * blueprint.size).sum(axis=1)
     height = height - terrain.height(blueprint.poses)
@@ -187,7 +187,7 @@ def _where(terrain: Terrain) -> str:
 
 
 def _mortared(blueprint: Blueprint, objects: Sequence[SceneObject]) -> np.ndarray:
-    """Tell objects with walls from trees, (O,) bool."""
+    """Distinguish objects with walls from trees, (O,) bool."""
     held = np.zeros(len(blueprint), bool)
     ends = blueprint.bonds[blueprint.bond_law == Law.MORTAR]
     held[ends[ends != GROUND]] = True
@@ -196,7 +196,7 @@ def _mortared(blueprint: Blueprint, objects: Sequence[SceneObject]) -> np.ndarra
 
 def _pairs(blueprint: Blueprint, objects: Sequence[SceneObject],
            present: np.ndarray) -> list[tuple[int, int]]:
-    """Pair walls with walls and with trees that are near; crowns may well grow into each other."""
+    """Pair walls with nearby walls and trees; crowns may overlap each other."""
     built = _mortared(blueprint, objects)
     low, high = np.split(_bounds(blueprint), 2, axis=1)
     low = np.where(present[:, None], low, np.inf)
@@ -218,7 +218,7 @@ def _bounds(blueprint: Blueprint) -> np.ndarray:
 
 def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject], present: np.ndarray,
                  pairs: Sequence[tuple[int, int]]) -> list[str]:
-    """Return which pairs, a wall and another object each, reach into each other, and how deep."""
+    """Report the pairs of a wall and another object that overlap, and how deep."""
     built, bounds = _mortared(blueprint, objects), _bounds(blueprint)
     lines = []
     for mine, other in pairs:
@@ -235,7 +235,7 @@ def _overlapping(blueprint: Blueprint, objects: Sequence[SceneObject], present: 
 
 def _deepest(blueprint: Blueprint, bounds: np.ndarray, mine: np.ndarray,
              theirs: np.ndarray) -> tuple[float, np.ndarray]:
-    """Give how deep some parts reach into others, and where [m]."""
+    """Return the deepest overlap of some parts with others, and its position [m]."""
     a, b = overlaps(bounds[mine], bounds[theirs])
     worst, place = 0.0, np.zeros(3)
     for part in np.unique(b):

@@ -33,15 +33,15 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
 WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:
-#                    a blow much shorter than T stresses a wall as the steady force rate·impulse
+# the load of a blow much shorter than T is the static force rate·impulse
 
 NO_FORCE = 1e-6   # [N] keeps the load on parts without bonds finite
-_ROUNDS = 60.0   # [1/s] of failures under lasting loads: the speed of cracks (decision 39)
+_ROUNDS = 60.0   # [1/s] rounds of failures under lasting loads: the speed of cracks (decision 39)
 _PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second, at least; ...
-_ROUND = 6.0     # ... times as many where there is time: enough for some rounds in 1/60 s; ...
-_WORK = 1e7      # [1/s] ... which parts times iterations bound under blows, and while joints open
-#                 and close: real time at 0.1 µs each; what is linear, solved once, has no bound
-_TIPPING = 0.15  # [m/s] of its middle, with which a wall of thickness t and height h tips over:
+_ROUND = 6.0     # ... times as many where the budget allows: enough for some rounds in 1/60 s; ...
+_WORK = 1e7      # [1/s] ... of parts times iterations under blows, and while joints open and
+#                 close: real time at 0.1 µs each; linear problems, solved once, have no bound
+_TIPPING = 0.15  # [m/s] of its middle, at which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
 SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
 
@@ -49,12 +49,12 @@ SETTLING = 20_000  # iterations to find the stresses of a scene before its first
 @dataclass(frozen=True)
 class Strike:
     """
-    A blow on what stands.
+    A blow to standing parts.
 
     :ivar direction: unit vector, world, (3,).
-    :ivar force: if all holds: momentum over `contact_time` [N].
-    :ivar mass: of what strikes, and moves on with what gives way [kg].
-    :ivar momentum: of what strikes, along the direction [N·s].
+    :ivar force: if all bonds hold: momentum over `contact_time` [N].
+    :ivar mass: of the striking body, which moves on with the released parts [kg].
+    :ivar momentum: of the striking body, along the direction [N·s].
     """
 
     direction: np.ndarray
@@ -66,14 +66,14 @@ class Strike:
 @dataclass(frozen=True)
 class Exit:
     """
-    How parts come out of a wall.
+    The release of parts from a wall by a blow.
 
-    :ivar pieces: the struck parts one by one, then what they push ahead, as it hangs together.
+    :ivar pieces: the struck parts one by one, then the connected pieces pushed ahead of them.
     :ivar mass: of all of them [kg].
-    :ivar withstood: by the bonds around them.
-    :ivar load: force of the blow over that of these bonds.
+    :ivar withstood: resistance of the bonds around them.
+    :ivar load: force of the blow over that resistance.
     :ivar speed: along the blow [m/s].
-    :ivar passed_on: momentum that the breaking bonds give to what stands [N·s].
+    :ivar passed_on: momentum that the breaking bonds transmit to the standing parts [N·s].
     """
 
     pieces: list[np.ndarray]
@@ -85,20 +85,20 @@ class Exit:
 
     @property
     def parts(self) -> np.ndarray:
-        """List all that comes out, in the order of the pieces, (P,)."""
+        """Return the released parts, in the order of the pieces, (P,)."""
         return np.concatenate(self.pieces)
 
 
 def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
               blow: Strike) -> Exit | None:
     """
-    Say how parts come out under a blow; None when they hold.
+    Return the release of parts under a blow; None if they hold.
 
-    The force of the blow must exceed that of the bonds, and the energy of what moves on together
-    must exceed their work of fracture, which it loses.
+    The force of the blow must exceed that of the bonds, and the energy of the combined motion must
+    exceed their work of fracture, which it loses.
 
     :param mass: of the parts [kg].
-    :param withstood: by the bonds around them.
+    :param withstood: resistance of the bonds around them.
     """
     whole = blow.mass + mass
     left = np.square(blow.momentum / whole) - 2.0 * withstood.energy / whole
@@ -111,9 +111,9 @@ def comes_out(pieces: list[np.ndarray], mass: float, withstood: Resistance,
 
 def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
     """
-    Say how struck parts come out, alone or with what they push ahead; None when all hold.
+    Return the release of struck parts, alone or with others ahead of them; None if all hold.
 
-    A leaf is not held by the one behind it where both can go (decision 48).
+    A leaf is not supported by the one behind it where both can move (decision 48).
 
     :param struck: indices, (K,).
     """
@@ -128,7 +128,7 @@ def drive_out(state: State, struck: np.ndarray, blow: Strike) -> Exit | None:
 
 def _plug(state: State, struck: np.ndarray, force: float, direction: np.ndarray,
           acceleration: float) -> tuple[np.ndarray, Resistance] | None:
-    """Give what one rigid thing drives out, what it strikes first, and what this withstands."""
+    """Return the parts driven out by one rigid body, struck ones first, and their resistance."""
     alone = np.zeros(len(struck), np.intp)
     found = punched(state.solver, alone, struck, np.array([force]), direction, acceleration)
     if not found:
@@ -140,12 +140,13 @@ def _plug(state: State, struck: np.ndarray, force: float, direction: np.ndarray,
 def weakest_plug(state: State, struck: np.ndarray, direction: np.ndarray,
                  speed: float) -> tuple[np.ndarray, Resistance]:
     """
-    Give what comes out with the least force where struck parts are pushed and cannot stay.
+    Return the weakest set of parts that comes out when struck parts are forced to move.
 
     :param struck: indices, (K,).
     :param direction: unit vector of the push, world, (3,).
-    :param speed: of what pushes [m/s].
-    :returns: the struck parts, in their order, then what goes with them, and what it withstands.
+    :param speed: of the pushing body [m/s].
+    :returns: the struck parts, in their order, then the parts that go with them, and their
+        resistance.
     """
     mass = float(state.parts.mass[struck].sum())
     return cast(tuple[np.ndarray, Resistance],  # no force is too small
@@ -155,15 +156,15 @@ def weakest_plug(state: State, struck: np.ndarray, direction: np.ndarray,
 def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: np.ndarray,
            point: np.ndarray) -> bool:
     """
-    Give a standing part an impulse.
+    Apply an impulse to a standing part.
 
-    What strikes is taken to be as heavy as the part.
+    The striking body is assumed to be as heavy as the part.
 
     :param part: index.
     :param linear: impulse [N·s], (3,), world.
     :param angular: [N·m·s], (3,), world.
-    :param point: where the linear impulse acts [m], (3,), world.
-    :returns: whether it came out of its wall.
+    :param point: of application of the linear impulse [m], (3,), world.
+    :returns: whether the part came out of its wall.
     """
     size = float(norm(linear))
     chosen = np.array([part])
@@ -181,7 +182,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
 
 
 def release(model: Model, state: State, out: Exit, blow: Strike) -> None:
-    """Release parts that a blow drives out."""
+    """Release the parts that a blow drives out."""
     moving = np.zeros((len(out.parts), 6))
     moving[:, :3] = out.speed * blow.direction
     breaking.release(model, state, out.pieces, moving, Cause.IMPACT, out.load)
@@ -192,14 +193,14 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
                    speed: float | np.ndarray | None = None,
                    carried: bool = True) -> None:
     """
-    Apply impulses to standing parts, until they break nothing more.
+    Apply impulses to standing parts as blows, until they break no more bonds.
 
     :param parts: (K,) indices.
     :param impulses: at their centres of mass [N·s], world, (K, 3), or with angular impulses
         [N·m·s], (K, 6).
-    :param rate: steady force of the same effect over impulse [1/s], of all or of each, (K, 1).
-    :param speed: of what strikes all or each [m/s], (K,); None = it is as heavy as the part.
-    :param carried: whether parts that leave take the impulses along; those of waves are booked in
+    :param rate: equivalent static force over impulse [1/s], of all or of each, (K, 1).
+    :param speed: of the striking bodies, all or each [m/s], (K,); None = as heavy as the part.
+    :param carried: whether released parts take the impulses along; those of waves are recorded in
         `state.blasts` instead.
     """
     wrenches = np.zeros((len(parts), 6))
@@ -212,14 +213,14 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
                          impulse: np.ndarray, speed: float) -> None:
     """
-    Apply to the neighbours of released parts what breaking their bonds gave to them.
+    Apply the impulse of breaking bonds to the neighbours of released parts.
 
-    What struck these parts before, they have passed on by then, too.
+    Earlier blows to these parts have reached the neighbours by then, too.
 
     :param bonds: around the parts, rows of the graph, (B,).
-    :param parts: that leave, (K,).
+    :param parts: released ones, (K,).
     :param impulse: on all neighbours together [N·s], world, (3,).
-    :param speed: of what strikes [m/s].
+    :param speed: of the striking body [m/s].
     """
     graph = state.solver.graph
     near = np.concatenate([graph.first[bonds], graph.second[bonds]])
@@ -231,16 +232,16 @@ def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
 
 
 def is_stable(state: State) -> bool:
-    """Return whether the stresses have converged and break nothing more."""
+    """Return whether the stresses have converged and break no more bonds."""
     return not len(state.solver.graph) or state.fracture.stable
 
 
 @staged('settling stresses')
 def settle(model: Model, state: State) -> list[str]:
     """
-    Find the stresses under weight alone, as they are when the mortar has set.
+    Solve the stresses under weight alone, as in set mortar.
 
-    :returns: what to tell the user of objects that crack or fall under it.
+    :returns: warnings about objects that crack or collapse under it.
     """
     pieces, rounds = _advance(model, state, SETTLING)
     loose = np.concatenate([np.zeros(0, np.intp), *pieces])
@@ -251,9 +252,9 @@ def settle(model: Model, state: State) -> list[str]:
 
 def solve_stresses(model: Model, state: State, dt: float) -> None:
     """
-    Spend a step's share of work on the stresses, and judge none of them yet.
+    Spend a step's share of work on the stresses, without judging them yet.
 
-    Writes stresses and `state.iterations`, and reads loads besides: it may run beside the engine.
+    Writes stresses and `state.iterations`, and only reads loads: it may run beside the engine.
     """
     state.iterations = 0
     if is_stable(state):
@@ -269,9 +270,9 @@ def solve_stresses(model: Model, state: State, dt: float) -> None:
 
 def judge_stresses(model: Model, state: State, dt: float) -> None:
     """
-    Break overloaded bonds, and go on solving within the iterations left to the step.
+    Break overloaded bonds, and go on solving within the iterations left in the step.
 
-    Writes bonds and stresses of what stands, and releases what lost the ground.
+    Writes bonds and stresses of standing parts, and releases unsupported ones.
     """
     if is_stable(state) or not state.iterations or state.time + 0.5 * dt < state.next_round:
         return
@@ -282,14 +283,14 @@ def judge_stresses(model: Model, state: State, dt: float) -> None:
     broke = any(failures.broken.any() for failures in rounds)
     _let_go(model, state, pieces)
     if is_stable(state):
-        state.loads.thrown[:] = 0.0  # of what blows did not throw over
+        state.loads.thrown[:] = 0.0  # of blows that threw nothing over
         state.loads.end_blows()
     elif rounds:
         state.loads.take_more(broke)
 
 
 def _iterations(state: State, dt: float) -> int:
-    """Give the largest number of iterations in a step."""
+    """Return the largest number of iterations in a step."""
     each = max(round(_PACE * dt), 1)
     most = round(_ROUND * each)
     if state.loads.struck or state.solver.curved:
@@ -300,9 +301,9 @@ def _iterations(state: State, dt: float) -> int:
 def _advance(model: Model, state: State, iterations: int,
              most: int | None = None) -> tuple[list[np.ndarray], list[Failures]]:
     """
-    Work on the stresses; give the pieces that lost the ground, and what failed.
+    Iterate the stresses; return the unsupported pieces, and the failures.
 
-    :param most: rounds of failures under lasting loads; None = until nothing fails.
+    :param most: rounds of failures under lasting loads; None = until no bond fails.
     """
     if is_stable(state):
         return [], []
@@ -316,7 +317,7 @@ def _advance(model: Model, state: State, iterations: int,
     if not rounds:
         return pieces, rounds
     mortar = state.solver.graph.mortar
-    # Dry joints are never whole: they are told when they are gone.
+    # Dry joints are always cracked: record them only when they are gone.
     dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
     told = [np.where(dry[r.bond], r.broken, ~r.had_cracked) for r in rounds]
     bond, cause, load, broken = (
@@ -327,7 +328,7 @@ def _advance(model: Model, state: State, iterations: int,
 
 
 def _withstand(state: State, iterations: int) -> list[Failures]:
-    """Work on what stands under blows; give what failed, and end them when they are over."""
+    """Iterate the stresses under blows; return the failures, and end blows that are over."""
     loads = state.loads
     rounds, over = state.fracture.withstand(iterations, loads.largest_blow,
                                             partial(_ride_out, state), loads.cracked)
@@ -338,16 +339,15 @@ def _withstand(state: State, iterations: int) -> list[Failures]:
 
 def _ride_out(state: State, moved: np.ndarray) -> bool:
     """
-    End blows under which a cracked wall rocks without being thrown over; say whether it does.
+    End blows under which a cracked wall rocks without overturning; return whether it does.
 
-    The steady force of the same effect is that on a wall that swings elastically. A mechanism has
-    no such period: there the momentum counts, along the way that its middle goes; what presses on
-    the ground moves nothing. What is thrown over gets it, and becomes no faster than what struck
-    it.
+    The equivalent static force is that on a wall that vibrates elastically. A mechanism has no
+    such period: only the momentum along the path of its middle counts; the force on the ground
+    moves nothing. Overturned parts get it, and become no faster than the striking body.
 
     :param moved: parts that a mechanism moves, (K,).
     """
-    waves = state.blasts.momentum[moved]  # which `_let_go` hands over
+    waves = state.blasts.momentum[moved]  # which `_let_go` applies
     whole = float(state.parts.mass[moved].sum())
     way = product(state.parts.mass[moved], state.solver.motion(moved))
     way /= max(float(norm(way)), 1e-12)
@@ -364,13 +364,13 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:
-    """Release what lost the ground, with the velocity that blows or a blast wave gave it."""
+    """Release unsupported pieces, with the velocity that blows or a blast wave gave them."""
     if pieces and state.loads.struck:
         loads = state.loads
         thrown = np.flatnonzero(state.standing[:len(loads.thrown)] & loads.thrown.any(axis=1))
         mass = state.parts.mass
         leaves = np.intersect1d(thrown, np.concatenate(pieces))
-        # What leaves takes its share of the blows along.
+        # Released parts take their share of the blows along.
         loads.scale_blows(thrown, 1.0 - mass[leaves].sum() / max(mass[thrown].sum(), 1e-9))
     for parts in pieces:
         state.parts.velocities[parts, :3] = state.loads.thrown[parts]

@@ -42,10 +42,10 @@ from procphys_ros.simulation.obstacles import Bricks
 from procphys_ros.simulation.shelter import find_shelter
 from procphys_ros.simulation.spawned_parts import SHARD
 
-_JOINT = 0.01        # [m] mortar between parts that makes their faces one wall
-_COVERED = 0.5       # [m] before an outer face, within which another part takes its load
-_THICKEST = 0.025    # [m] thicker glass is no pane
-_STRENGTH_SEED = 102  # keeps random streams apart that share the scene's seed
+_JOINT = 0.01        # [m] mortar between parts whose faces count as one wall
+_COVERED = 0.5       # [m] before an outer face, within which another part shields it
+_THICKEST = 0.025    # [m] thicker glass is not a pane
+_STRENGTH_SEED = 102  # separates random streams that share the scene's seed
 
 
 @dataclass(frozen=True)
@@ -53,17 +53,17 @@ class TreeModel:
     """
     Trees at rest.
 
-    :ivar forest: as it was grown; a state moves a copy.
+    :ivar forest: as grown; a state moves a copy.
     :ivar row: of each part in the forest, -1 for none, (N,).
-    :ivar span: parts of the rows, as a slice where they follow each other.
-    :ivar sizes: of the segments as others meet them [m], (S, 3).
+    :ivar span: parts of the rows, as a slice where they are consecutive.
+    :ivar sizes: of the segments as obstacles [m], (S, 3).
     :ivar joint_arm: from the centre of each segment to its joint [m], (S,).
     :ivar capacity: force [N], torque [N·m] and stress [Pa] that break each joint, and moment
         [N·m] that uproots it, (S, 4).
     :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
-    :ivar slack: overlap of each row with ground and walls that it was authored with [m], (S,).
-    :ivar crowns: the same with other trees, where standing trees touch; else None.
-    :ivar climbers: what climbing plants hold on to.
+    :ivar slack: authored overlap of each row with ground and walls [m], (S,).
+    :ivar crowns: the same with other trees, if standing trees collide; else None.
+    :ivar climbers: anchors of climbing plants.
     """
 
     forest: Forest
@@ -84,9 +84,9 @@ class MasonryModel:
     Buildings at rest.
 
     :ivar members: parts with mortar bonds, (N,) bool.
-    :ivar graph: their bonds, whole; a state breaks a copy.
+    :ivar graph: their bonds, intact; a state breaks a copy.
     :ivar closed_sizes: of all parts, joints included [m], (N, 3).
-    :ivar face_poses, face_sizes: boxes that share the joints between them, see `with_joints`.
+    :ivar face_poses, face_sizes: boxes extended to the middle of their joints, see `with_joints`.
     :ivar bricks: the parts, sorted into cells.
     """
 
@@ -99,13 +99,13 @@ class MasonryModel:
 
     @cached_property
     def building(self) -> np.ndarray:
-        """Give the number of what each part hangs together with when whole, (N,)."""
+        """Return the number of the connected building of each part, (N,)."""
         graph = self.graph
         return label(graph.count, graph.first, graph.second, np.ones(len(graph), bool))[0]
 
     @cached_property
     def skin(self) -> np.ndarray:
-        """Find the outer faces of buildings with a room behind them, when first asked, (N, 6)."""
+        """Find the outer faces of buildings with a room behind them, on first access, (N, 6)."""
         found = np.zeros((len(self.members), 6), bool)
         for rows in groups(self.building, self.members):
             found[rows] = outer_faces(self.face_poses[rows], self.face_sizes[rows])
@@ -117,11 +117,11 @@ class GlassModel:
     """
     Window panes: thin boxes of glass.
 
-    :ivar is_pane: of every part, (N,) bool.
+    :ivar is_pane: whether each part is a pane, (N,) bool.
     :ivar parts: the panes, (P,).
     :ivar thickness, edge: least and middle extent of every part [m], (N,).
     :ivar thin: axis across each pane, (P,).
-    :ivar pane, frame: place in `parts` of a pane, and a part that holds it, (F,).
+    :ivar pane, frame: place in `parts` of a pane, and a part that supports it, (F,).
     """
 
     is_pane: np.ndarray
@@ -140,9 +140,9 @@ class LeafModel:
 
     :ivar carriers: parts with leaves, (C,); carrier: place of each leaf's part in it, (L,).
     :ivar area: of each leaf [m²], (L,).
-    :ivar critical_speed: of the air that tears each leaf off [m/s], (L,); inf = never.
-    :ivar queue, queue_speed: leaves of every row of the forest, the weakest first, an end behind,
-        and their critical speeds.
+    :ivar critical_speed: air speed that tears each leaf off [m/s], (L,); inf = never.
+    :ivar queue, queue_speed: leaves of every row of the forest, the weakest first, with an end
+        mark, and their critical speeds.
     :ivar first: place of each row's first leaf in the queue, (S,).
     """
 
@@ -165,14 +165,14 @@ class Model:
     :ivar settings: of the scene.
     :ivar time_step: [s].
     :ivar seed: of everything random.
-    :ivar shard: which share of a larger scene this is.
+    :ivar shard: share of a larger scene in this one.
     :ivar blueprint: parts and bonds, in the order of every array.
     :ivar objects: owners of names, in part order.
-    :ivar wind: the air before any command; a state copies it.
-    :ivar loose_bonds: all bonds, whole, for what will leave its wall or tree.
-    :ivar mortar: which bonds are mortar, (M,) bool.
+    :ivar wind: before any command; a state copies it.
+    :ivar loose_bonds: all bonds, intact, for parts that will leave their wall or tree.
+    :ivar mortar: whether each bond is mortar, (M,) bool.
     :ivar wooden: parts with a hinge, (K,).
-    :ivar intruders: collision shapes of the bodies that are moved from outside, by name.
+    :ivar intruders: collision shapes of the externally moved bodies, by name.
     :ivar loaded: number of parts of the scene as it was loaded; others joined later.
     """
 
@@ -214,17 +214,17 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   wind: Wind | None = None, loaded: int | None = None,
                   graphs: tuple[BondGraph, BondGraph] | None = None) -> Model:
     """
-    Work out everything about a scene that never changes.
+    Compile all constant data of a scene.
 
     :param settings: of the scene.
-    :param shard: which share of a larger scene this is.
+    :param shard: share of a larger scene in this one.
     :param blueprint: all parts and bonds.
     :param objects: owners of the parts, in part order.
     :param time_step: [s].
     :param seed: of everything random.
-    :param wind: that is there already; None = made from the settings.
+    :param wind: of the scene so far; None = made from the settings.
     :param loaded: number of parts that did not join later; None = all.
-    :param graphs: bonds of masonry and all bonds, whole, where they are known, see `FreeBodies`.
+    :param graphs: masonry bonds and all bonds, intact, if known, see `FreeBodies`.
     """
     graph, every = graphs or (None, None)
     masonry = _masonry(blueprint, BondGraph(blueprint) if graph is None else graph)
@@ -269,7 +269,7 @@ def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks,
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:
-    """Give parts that follow each other as a slice, which copies several times faster."""
+    """Return consecutive parts as a slice, which copies several times faster."""
     if len(parts) and np.array_equal(parts, np.arange(parts[0], parts[0] + len(parts))):
         return slice(int(parts[0]), int(parts[0]) + len(parts))
     return parts

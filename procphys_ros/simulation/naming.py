@@ -26,12 +26,12 @@ from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.scene import SceneObject
 from procphys_ros.schema import short
 
-_MOST_DIGITS = 19  # of an index; Python refuses to read numbers of thousands
+_MOST_DIGITS = 19  # of an index; Python refuses to parse numbers of thousands
 
 
 class PartNames:
     """
-    Finds parts by name, and names parts.
+    Find parts by name, and name parts.
 
     :param objects: instances in part order.
     :param blueprint: all parts of these instances.
@@ -50,7 +50,7 @@ class PartNames:
 
     def extend(self, objects: Sequence[SceneObject], blueprint: Blueprint) -> None:
         """
-        Learn the names of parts that join behind all others.
+        Add the names of parts that join after all others.
 
         :param objects: the new instances.
         :param blueprint: all parts of these instances.
@@ -62,10 +62,10 @@ class PartNames:
 
     def index(self, part: int | str) -> int:
         """
-        Find a part.
+        Find the index of a part.
 
         :param part: index over all parts, as a number or text, or a name.
-        :raises CommandError: when there is no such part; the message offers the nearest names.
+        :raises CommandError: if there is no such part; the message suggests the nearest names.
         """
         if isinstance(part, numbers.Integral) and not isinstance(part, bool):
             return self._checked(int(part), 0, self._total, str(part))
@@ -83,11 +83,11 @@ class PartNames:
 
     def indices(self, parts: Sequence[int | str] | None) -> np.ndarray:
         """
-        Find parts, (K,).
+        Find the indices of parts, (K,).
 
-        :param parts: each as `index` takes it, or the name of an object for all of its parts;
+        :param parts: each as in `index`, or the name of an object for all of its parts;
             None = all parts of all objects.
-        :raises CommandError: when there is no such part or object.
+        :raises CommandError: if there is no such part or object.
         """
         if parts is None:
             return np.arange(self._total)
@@ -100,7 +100,7 @@ class PartNames:
             for part, whole in zip(parts, found))])
 
     def name(self, index: int) -> str:
-        """Name the part of an index, `<object>/<kind>_<local index>`."""
+        """Return the name of a part, `<object>/<kind>_<local index>`."""
         for found in self._objects.values():
             if found.first <= index < found.first + found.count:
                 return f'{found.name}/{self._kind(index)}_{index - found.first}'

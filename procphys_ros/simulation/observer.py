@@ -24,14 +24,14 @@ from procphys_ros.elementary import atan, cos, sin, tan
 from procphys_ros.linear import norm, product
 from procphys_ros.scene.culling import CullingSettings
 
-_STRAIGHT = 0.5 * math.pi  # [rad] widest half angle; the planes of wider ones would not bound
+_STRAIGHT = 0.5 * math.pi  # [rad] widest half angle that planes can bound
 
 
 class Observer:
     """
     A camera that looks along the x axis of its pose, z up (REP 103).
 
-    :param settings: opening of its view, and how far it looks.
+    :param settings: view angle and range.
     :param position: [m], (3,), world.
     :param orientation: unit quaternion xyzw, (4,), world.
     """
@@ -45,12 +45,12 @@ class Observer:
             self._normals = rotation.rotate(np.tile(orientation, (len(inward), 1)), inward)
 
     def distance(self, centres: np.ndarray) -> np.ndarray:
-        """Give how far points are away [m], (K,)."""
+        """Return the distances of points from the camera [m], (K,)."""
         return norm(centres - self.position, axis=1)
 
     def sees(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
         """
-        Return which spheres reach into the view, as far as its planes and its distance tell.
+        Return which spheres reach into the view, according to its planes and its range.
 
         A sphere near an edge of the view may count as seen though it just misses it, never the
         other way round.
@@ -69,7 +69,7 @@ class Observer:
 
 
 def _planes(settings: CullingSettings) -> np.ndarray:
-    """Give inward normals of the planes through the eye: sides, top, bottom, behind, (5, 3)."""
+    """Return inward normals of the planes through the eye: sides, top, bottom, behind, (5, 3)."""
     half = 0.5 * settings.field_of_view
     up = min(half + settings.widening, _STRAIGHT)
     side = min(atan(settings.aspect * tan(half)) + settings.widening, _STRAIGHT)

@@ -24,7 +24,7 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world import BodyState, expand, World
 
-_CELL = 2.0  # [m], edge of the cells that bricks are sorted into
+_CELL = 2.0  # [m] edge of the cells of bricks
 
 
 class Obstacles(NamedTuple):
@@ -35,9 +35,9 @@ class Obstacles(NamedTuple):
     :ivar pose: world, (P, 7).
     :ivar size: as in `Blueprint.size` [m], (P, 3).
     :ivar velocity: world axes, (P, 6).
-    :ivar body: id of the body of the world that it belongs to, -1 for a branch, (P,).
-    :ivar row: of the forest for a branch, -1 for all else, (P,).
-    :ivar part: of the scene for a standing brick, -1 for all else, (P,).
+    :ivar body: id of its body in the world, -1 for a branch, (P,).
+    :ivar row: of a branch in the forest, -1 for all others, (P,).
+    :ivar part: of a standing brick, -1 for all others, (P,).
     """
 
     shape: np.ndarray
@@ -50,7 +50,7 @@ class Obstacles(NamedTuple):
 
     @classmethod
     def none(cls) -> 'Obstacles':
-        """Give a table without rows."""
+        """Return a table without rows."""
         return cls.of(np.zeros(0, np.uint8), np.zeros((0, 7)), np.zeros((0, 3)),
                       np.zeros((0, 6)))
 
@@ -58,19 +58,19 @@ class Obstacles(NamedTuple):
     def of(cls, shape: np.ndarray, pose: np.ndarray, size: np.ndarray, velocity: np.ndarray,
            body: np.ndarray | None = None, row: np.ndarray | None = None,
            part: np.ndarray | None = None) -> 'Obstacles':
-        """Make a table; columns that are left out are -1."""
+        """Make a table; omitted columns are -1."""
         nothing = np.full(len(pose), -1, np.intp)
         return cls(np.asarray(shape, np.uint8), pose, size, velocity,
                    nothing if body is None else body, nothing if row is None else row,
                    nothing if part is None else part)
 
     def bounds(self, reach: float, margin: float) -> np.ndarray:
-        """Give axis-aligned bounds, swept over a time [s], with a margin [m], (P, 6)."""
+        """Return axis-aligned bounds, swept over a time [s], with a margin [m], (P, 6)."""
         return piece_bounds(self.shape, self.pose, self.size, self.velocity, reach, margin)
 
 
 def of_bodies(world: World, ids: np.ndarray) -> Obstacles:
-    """Cut bodies, (K,) ids, into their collision shapes, where these are now."""
+    """Return the collision shapes of bodies, (K,) ids, at their present poses."""
     if not len(ids):
         return Obstacles.none()
     bodies = world.bodies
@@ -87,19 +87,19 @@ def of_bodies(world: World, ids: np.ndarray) -> Obstacles:
 
 def of_branches(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
                 velocities: np.ndarray) -> Obstacles:
-    """Take branches as obstacles for others; arguments as of the forest."""
+    """Return branches as obstacles for others; arguments as of the forest."""
     return Obstacles.of(np.full(len(rows), Shape.CAPSULE), poses[rows], sizes[rows],
                         velocities[rows], row=np.asarray(rows, np.intp))
 
 
 class Bricks:
     """
-    Masonry where it was built, sorted into cells once.
+    Masonry as built, sorted into cells once.
 
     :param blueprint: all parts of the scene.
-    :param parts: that belong to buildings, (K,).
+    :param parts: of buildings, (K,).
 
-    :ivar cells: bounds of what is in each cell [m], (C, 6).
+    :ivar cells: bounds of the contents of each cell [m], (C, 6).
     """
 
     def __init__(self, blueprint: Blueprint, parts: np.ndarray):
@@ -118,10 +118,10 @@ class Bricks:
     def within(self, bounds: np.ndarray, standing: np.ndarray | None = None,
                body: np.ndarray | None = None) -> Obstacles:
         """
-        List the bricks in the cells that any of some boxes reach.
+        List the bricks in the cells that some boxes overlap.
 
         :param bounds: of these boxes, (K, 6).
-        :param standing: which parts are still there, (N,) bool; None = all.
+        :param standing: whether each part still stands, (N,) bool; None = all.
         :param body: id of each part's body, (N,).
         """
         _, cells = overlaps(bounds, self.cells)
@@ -142,7 +142,7 @@ def sorted_into_cells(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Sort boxes by their centres into cells of space.
 
     :param bounds: three minima, three maxima [m], (K, 6).
-    :returns: cell of each box, (K,), and bounds of what is in each cell, (C, 6).
+    :returns: cell of each box, (K,), and bounds of the contents of each cell, (C, 6).
     """
     key = np.floor(0.5 * (bounds[:, :3] + bounds[:, 3:]) / _CELL).astype(np.int64)
     _, cell = np.unique(key, axis=0, return_inverse=True)
@@ -154,7 +154,7 @@ def sorted_into_cells(bounds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def meets_trees(world: World) -> np.ndarray:
-    """List the bodies that branches may meet: all but what stands, (K,)."""
+    """List the bodies that branches may collide with: all but standing parts, (K,)."""
     state = world.bodies.state
     return np.flatnonzero((state == BodyState.AWAKE) | (state == BodyState.KINEMATIC)
                           | (state == BodyState.RESTING))

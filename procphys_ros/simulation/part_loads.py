@@ -30,11 +30,11 @@ from procphys_ros.simulation.state import State
 @dataclass(frozen=True)
 class PartLoad:
     """
-    What the joints of a part carry.
+    The load of the joints of a part.
 
-    :ivar force: largest of its bonds' [N]; a branch has the one at its base.
-    :ivar moment: largest of its bonds' [N·m].
-    :ivar share: of what they withstand, 1 = about to break.
+    :ivar force: largest of its bonds [N]; for a branch, at its base.
+    :ivar moment: largest of its bonds [N·m].
+    :ivar share: of their strength, 1 = about to break.
     """
 
     force: float = 0.0
@@ -44,7 +44,7 @@ class PartLoad:
 
 def load_of(state: State, part: int) -> PartLoad:
     """
-    Give the load of a part, as `loads_of`.
+    Return the load of a part, as `loads_of`.
 
     :param part: its index.
     """
@@ -57,8 +57,8 @@ def loads_of(state: State, parts: np.ndarray) -> np.ndarray:
 
     :param state: between two steps.
     :param parts: indices, (K,).
-    :returns: columns as in `PartLoad`, (K, 3); 0 for what is loose or gone, NaN for trees before
-        the first step, which computes what their joints carry.
+    :returns: columns as in `PartLoad`, (K, 3); 0 for loose or gone parts, NaN for trees before the
+        first step, which computes their joint loads.
     """
     out = np.zeros((len(parts), 3))
     owner = state.parts.owner[parts]

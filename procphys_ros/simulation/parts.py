@@ -30,7 +30,7 @@ _SIDE_MEAN = np.pi / 4.0  # mean projected width of a slender body over all atti
 
 
 class Owner(IntEnum):
-    """Who moves a part; every part has exactly one owner at any time."""
+    """The subsystem that moves a part; every part has exactly one owner at any time."""
 
     STANDING = 0  # frozen in a wall, until the stress solver or a blow releases it
     TREE = 1      # segment of the articulated forest
@@ -42,8 +42,9 @@ class Columns:
     """
     Named arrays of equal length.
 
-    Appending doubles the room when it runs out, so a row costs the same however many there are.
-    Every array is an attribute; take it anew after `append`, older references may be stale.
+    Appending doubles the capacity when it is exhausted, so the cost of a row does not depend on
+    their number. Every array is an attribute; read it again after `append`, older references may
+    be stale.
 
     :param columns: first rows of each array, (N, ...).
     """
@@ -61,7 +62,7 @@ class Columns:
 
     def append(self, **rows: Any) -> None:
         """
-        Add rows behind all others.
+        Append rows.
 
         :param rows: of every column, (K, ...); a scalar fills all rows of its column.
         """
@@ -90,12 +91,12 @@ class Columns:
 @dataclass
 class RigidBodyMap:
     """
-    Which body of the world carries which parts.
+    The parts of each rigid body of the world.
 
     :ivar members: parts of each body, ascending, by id.
-    :ivar drag_area: drag coefficient times shadow of each body [m²], by id, (B,).
+    :ivar drag_area: drag coefficient times projected area of each body [m²], by id, (B,).
     :ivar size: number of parts of each body, by id, (B,).
-    :ivar carried: all parts in bodies; None = to be listed again.
+    :ivar carried: all parts in bodies; None = outdated.
     """
 
     members: dict[int, np.ndarray] = field(default_factory=dict)
@@ -104,7 +105,7 @@ class RigidBodyMap:
     carried: np.ndarray | None = None
 
     def parts_of(self, body: int) -> np.ndarray:
-        """List the parts that a body carries, ascending; none for one that carries nothing."""
+        """Return the parts of a body, ascending; none for a body without parts."""
         return self.members.get(int(body), _NONE)
 
 
@@ -113,7 +114,7 @@ def part_columns(model: Model) -> Columns:
     Make the columns of all parts, at rest.
 
     `shape`, `size` [m] (N, 3), `solid_size` [m] (N, 3), `mass` [kg], `inertia` [kg·m²] (N, 3) and
-    `drag_area` [m²] are those of the blueprint. What changes: `poses` (N, 7) and `velocities`
+    `drag_area` [m²] are those of the blueprint. Variable are `poses` (N, 7) and `velocities`
     (N, 6), world; `owner`; `body`, id of the rigid body that the part is or belongs to, -1 for
     none; `local`, pose in the frame of that body, (N, 7); `moved`, whether it moved in the last
     step. `row` is the part's row of the forest, -1 for none.
@@ -123,7 +124,7 @@ def part_columns(model: Model) -> Columns:
 
 
 def owners(model: Model) -> np.ndarray:
-    """Give who moves each part at rest: mortar makes it stand, a hinge makes it a tree, (N,)."""
+    """Return the owner of each part at rest: STANDING with mortar, TREE with a hinge, (N,)."""
     owner = np.full(len(model.blueprint), Owner.BODY, np.uint8)
     owner[model.masonry.members] = Owner.STANDING
     owner[model.trees.row >= 0] = Owner.TREE
@@ -131,7 +132,7 @@ def owners(model: Model) -> np.ndarray:
 
 
 def columns_of(source: Blueprint) -> dict[str, np.ndarray]:
-    """Give the columns of parts that are at rest and have no body."""
+    """Return the columns of parts that are at rest and have no body."""
     count = len(source)
     return {
         'shape': source.shape, 'size': source.size,
@@ -143,9 +144,9 @@ def columns_of(source: Blueprint) -> dict[str, np.ndarray]:
 
 def drag_area(blueprint: Blueprint) -> np.ndarray:
     """
-    Give the mean drag area Cd·A of each part over all attitudes [m²], (N,).
+    Return the mean drag area Cd·A of each part over all attitudes [m²], (N,).
 
-    The mean shadow of a convex body is a quarter of its surface (Cauchy).
+    The mean projected area of a convex body is a quarter of its surface (Cauchy).
     """
     x, y, z = blueprint.visual_size.T
     box = CUBE_DRAG * 0.5 * (x * y + y * z + z * x)

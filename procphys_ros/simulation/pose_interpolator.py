@@ -21,18 +21,19 @@ from procphys_ros import rotation
 from procphys_ros.linear import norm
 from procphys_ros.physics.world import velocity_between
 
-_STALE = 0.5      # [s] without a pose after which what arrives next is not part of one motion
-_FASTEST = 100.0  # [m/s] that a motion may have; what is farther away is put there
+_STALE = 0.5      # [s] without a pose, after which the next one starts a new motion
+_FASTEST = 100.0  # [m/s] of a motion; a pose farther away is set at once
 
 
 class PoseInterpolator:
     """
-    Follows poses, each in as much time as passed since the one before: one interval late.
+    Follow poses, each in the time since the one before: one interval late.
 
-    Between two poses it moves evenly; it goes through every pose exactly, and stops at the last.
+    Between two poses the velocity is constant; it passes every pose exactly, and stops at the
+    last.
 
-    :ivar pose: where it is, (7,), world; zeros before the first pose.
-    :ivar placed: whether it has been anywhere yet.
+    :ivar pose: current one, (7,), world; zeros before the first pose.
+    :ivar placed: whether it has had any pose yet.
     """
 
     def __init__(self) -> None:
@@ -48,7 +49,7 @@ class PoseInterpolator:
 
         :param pose: (7,), world.
         :param time: at which it was valid [s].
-        :returns: whether it was too far away to move there, or the first.
+        :returns: whether it was set at once, as too far away or the first.
         """
         if time != self._last:  # poses may arrive faster than steps are made
             self._arrival = time + float(np.clip(time - self._last, 0.0, _STALE))
@@ -63,7 +64,7 @@ class PoseInterpolator:
 
     def advance(self, time: float, time_step: float) -> np.ndarray:
         """
-        Move on by one step.
+        Advance by one step.
 
         :param time: at its beginning [s].
         :param time_step: [s].

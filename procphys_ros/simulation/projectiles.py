@@ -42,13 +42,13 @@ from procphys_ros.simulation.state import Missile, State
 RESTITUTION = 0.25   # of hard bodies on masonry and wood that hold
 _FRICTION = 0.6      # stone on brick, EN 1996-1-1 3.6.2 gives 0.4 for design, means lie higher
 _ROLLING = 2.0 / 7.0  # share of its tangential momentum that a ball loses until it rolls
-_SLOW = 0.3          # [m/s] closing speed below which a touch is left to the world's contacts
-_DENT = 0.015        # [m] parts touched within this depth take one blow together
+_SLOW = 0.3          # [m/s] closing speed below which the world's contacts handle the touch
+_DENT = 0.015        # [m] parts touched within this depth are struck together
 _FLAT = 0.9998       # cosine of 1°: least one between normals of faces that meet flat
-_FLUSH = 1e-5        # [m] depth within which touches say together which way a wall faces
+_FLUSH = 1e-5        # [m] depth within which touches determine the normal of the wall
 _ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
-_SHARES = (0.7,) * 7 + (0.0,)  # of a blow that are left, in turn, while it would give energy
+_SHARES = (0.7,) * 7 + (0.0,)  # shares of a blow kept, in turn, while it would create energy
 _MOST_FLYING = 200   # projectiles since the last reset
 _BALL_DRAG = 0.47 * 0.25 * np.pi  # Cd·A over diameter squared of a sphere (Hoerner 1965, 3-8)
 
@@ -58,7 +58,7 @@ def launch(model: Model, state: State, projectile: Projectile) -> int:
     Launch a projectile.
 
     :returns: its part.
-    :raises CommandError: when there are too many, or it would start inside of something.
+    :raises CommandError: if there are too many, or it would start inside an obstacle.
     """
     number = len(state.missiles)
     if number >= _MOST_FLYING:
@@ -93,7 +93,7 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     Find and apply the hits of projectiles on standing parts within the next step.
 
-    Blows pass through the point of touch without turning the projectile: its spin changes only by
+    Blows act at the point of contact without turning the projectile: its spin changes only by
     the world's contacts. Writes bodies of projectiles, trees that are hit, loads and the ledger;
     releases.
     """
@@ -138,7 +138,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
 
 
 def take_back(model: Model, state: State, dt: float) -> None:
-    """Take what has bounced in this step back to where it is at its end, if nothing is there."""
+    """Move projectiles that bounced in this step back to its end, if nothing is in the way."""
     bodies = state.world.bodies
     bounced = [m for m in state.missiles if m.ahead and state.parts.owner[m.part] == Owner.BODY]
     if not bounced:
@@ -156,7 +156,7 @@ def take_back(model: Model, state: State, dt: float) -> None:
 
 
 def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:
-    """Move straight on, or back, with the energy of free flight."""
+    """Move straight ahead, or back, with the energy of free flight."""
     pose[:3] += duration * velocity[:3]
     square = velocity[2] * velocity[2] - 2.0 * gravity * duration * velocity[2]
     velocity[2] = np.copysign(np.sqrt(max(square, 0.0)), velocity[2])
@@ -179,7 +179,7 @@ def _ahead(model: Model, state: State, missile: Missile, pose: np.ndarray,
 
 def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, way: np.ndarray,
               velocity: np.ndarray, passed: set[int]) -> tuple[Hits, bool] | None:
-    """Find the next blow on a way: its touches, and whether it is on a tree."""
+    """Find the next blow on a path: its touches, and whether it is on a tree."""
     wall, tree = _ahead(model, state, missile, pose, way)
     wall = _take(wall, product(wall.normal, velocity) < -_SLOW)
     if len(tree):
@@ -203,10 +203,10 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
 def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
               dt: float) -> None:
     """
-    Throw the projectile back from where the branch will be at the end of the step.
+    Reflect the projectile from the position of the branch at the end of the step.
 
-    A bend at its limit that is let go answers in another way than it was before: where that would
-    give energy (see `contact_work`), the blow is weaker.
+    A joint that an impulse moves off its limit responds differently than before: where that would
+    create energy (see `contact_work`), the blow is weaker.
     """
     forest, row = state.forest, hits.index[:1]
     point, normal = hits.point[0], hits.normal[0]
@@ -229,7 +229,7 @@ def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
 
 def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.ndarray,
               pose: np.ndarray, velocity: np.ndarray) -> bool:
-    """Strike standing parts together; say whether they give way."""
+    """Strike standing parts together; return whether they come out."""
     parts, flush = hits.index, _depth(hits, way) < _FLUSH
     point, normal = hits.point[flush].mean(axis=0), hits.normal[flush].mean(axis=0)
     normal /= norm(normal)
@@ -270,7 +270,7 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
 
 def _patch(model: Model, missile: Missile, pose: np.ndarray, normal: np.ndarray,
            parts: np.ndarray) -> float:
-    """Give the radius of a circle as large as where a flat face meets parts [m]; 0 for a point."""
+    """Return the radius of the circle with the contact area of a flat face [m]; 0 for a point."""
     if missile.ball:
         return 0.0
     along = np.abs(rotation.rotate(rotation.conjugate(pose[3:]), normal))
@@ -285,7 +285,7 @@ def _patch(model: Model, missile: Missile, pose: np.ndarray, normal: np.ndarray,
 
 
 def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:
-    """Throw back what meets a wall that holds; friction slows what slides along it."""
+    """Reflect a body from a wall that holds; friction slows it along the wall."""
     along = velocity[:3] + closing * normal
     speed = float(norm(along))
     grip = min(_FRICTION * (1.0 + RESTITUTION) * closing, _ROLLING * speed)
@@ -301,7 +301,7 @@ def _record(state: State, missile: Missile, point: np.ndarray, parts: np.ndarray
 
 
 def _line(velocity: np.ndarray, normal: np.ndarray, closing: float) -> np.ndarray:
-    """Give the direction of a blow: that of the motion, within the cone of friction."""
+    """Return the direction of a blow: that of the motion, within the cone of friction."""
     along = velocity + closing * normal
     slide = float(norm(along))
     if slide > _FRICTION * closing:
@@ -311,7 +311,7 @@ def _line(velocity: np.ndarray, normal: np.ndarray, closing: float) -> np.ndarra
 
 
 def _depth(hits: Hits, way: np.ndarray) -> np.ndarray:
-    """Give how far behind the first touch the others are [m], (K,)."""
+    """Return the depth of touches behind the first one [m], (K,)."""
     return (hits.fraction - hits.fraction[0]) * norm(way)
 
 

@@ -39,11 +39,11 @@ from procphys_ros.simulation.state import State
 
 class Readings:
     """
-    What can be read of a simulation as it is now; reading changes nothing.
+    Read access to a simulation at its present time; reading changes nothing.
 
-    Arrays are values: nothing changes them later, and they cannot be written to.
+    Arrays are copies: later steps do not change them, and they are read-only.
 
-    :ivar model: what the scene compiled to; constant.
+    :ivar model: the compiled scene; constant.
     :ivar state: everything that changes.
     """
 
@@ -58,12 +58,12 @@ class Readings:
 
     @property
     def time(self) -> float:
-        """Give the simulated time [s]."""
+        """Return the simulated time [s]."""
         return self.state.time
 
     @property
     def blueprint(self) -> Blueprint:
-        """All parts and bonds, in the order of every array; what joins is appended."""
+        """All parts and bonds, in the order of every array; parts that join are appended."""
         return self.state.blueprint
 
     @property
@@ -81,7 +81,7 @@ class Readings:
         """
         Centres of mass and attitudes, world, (N, 7); NaN = the part is gone.
 
-        They are those of now, and read-only: `set_body_state` moves what is loose. Stages work on
+        They are the present ones, and read-only: `set_body_state` moves loose parts. Stages use
         `state.parts.poses`, which the next step overwrites.
         """
         return _value(self.state.shown_poses())
@@ -98,17 +98,17 @@ class Readings:
 
     @property
     def added(self) -> tuple[str, ...]:
-        """Names of the objects that were added and are there still."""
+        """Names of the objects that were added and not removed."""
         return tuple(self.state.added)
 
     @property
     def removed(self) -> tuple[str, ...]:
-        """Names of the objects that were removed; their parts exist no more."""
+        """Names of the objects that were removed; their parts no longer exist."""
         return tuple(self.state.removed)
 
     @property
     def wind(self) -> Wind:
-        """Give the air."""
+        """Return the wind."""
         return self.state.wind
 
     @property
@@ -118,38 +118,38 @@ class Readings:
 
     @property
     def events(self) -> np.ndarray:
-        """Bonds that broke and were not taken from `log` yet, of dtype `EVENT`, (K,)."""
+        """Broken bonds not taken from `log` yet, of dtype `EVENT`, (K,)."""
         return _value(self.state.log.rows)
 
     @property
     def bonds_broken(self) -> int:
-        """Count the bonds broken since the start or the last reset."""
+        """Return the number of bonds broken since the start or the last reset."""
         return self.state.log.total
 
     @property
     def awake_bodies(self) -> int:
-        """Count the loose bodies that move at present."""
+        """Return the number of loose bodies that are moving."""
         return len(self.state.world.awake)
 
     @property
     def impacts(self) -> list[Impact]:
-        """List the last blows of projectiles on what stood, oldest first."""
+        """List the last blows of projectiles to standing parts, oldest first."""
         return list(self.state.ledger.recent)
 
     @property
     def ledger(self) -> MomentumLedger:
-        """Give the books of all blows since the start or the last reset."""
+        """Return the momentum balance of all blows since the start or the last reset."""
         return self.state.ledger
 
     @property
     def dust(self) -> Puffs:
-        """Give the dust in the air and on the ground."""
+        """Return the dust in the air and on the ground."""
         cloud = self.state.dust.cloud
         return Puffs.none() if cloud is None else cloud.puffs
 
     @property
     def intruder_pose(self) -> np.ndarray | None:
-        """Where the intruder is, (7,), world; None before it was placed."""
+        """Pose of the intruder, (7,), world; None before it is placed."""
         return self.pose_of_intruder(INTRUDER)
 
     @property
@@ -159,44 +159,44 @@ class Readings:
 
     @property
     def intruders(self) -> tuple[str, ...]:
-        """Names of all bodies that can be moved from outside."""
+        """Names of all externally moved bodies."""
         return tuple(self.state.intruders)
 
     def pose_of_intruder(self, name: str) -> np.ndarray | None:
-        """Give where an intruder is, (7,), world; None before it was placed."""
+        """Return the pose of an intruder, (7,), world; None before it is placed."""
         path = intruder.named(self.state, name).path
         return _value(path.pose) if path.placed else None
 
     def wrench_on_intruder(self, name: str) -> np.ndarray:
-        """Give force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
+        """Return force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
         return _value(intruder.named(self.state, name).smooth_wrench)
 
     def load(self, part: int | str) -> PartLoad:
         """
-        Read what the joints of a part carry, and how near that is to their strength.
+        Return the joint load of a part, and its share of the strength.
 
         :param part: its name or index.
-        :returns: nothing for what is loose or gone; NaN for trees before their first step.
-        :raises CommandError: when there is no such part.
+        :returns: zeros for loose or gone parts; NaN for trees before their first step.
+        :raises CommandError: if there is no such part.
         """
         return part_loads.load_of(self.state, self.names.index(part))
 
     def loads(self, parts: Sequence[int | str] | None = None) -> np.ndarray:
         """
-        Read the loads of many parts, as `load` does of one.
+        Return the loads of many parts, as `load` for one.
 
         :param parts: names or indices, (K,); None = all.
         :returns: force [N], moment [N·m] and share of the strength, (K, 3).
-        :raises CommandError: when there is no such part.
+        :raises CommandError: if there is no such part.
         """
         return part_loads.loads_of(self.state, self.names.indices(parts))
 
     def scan(self, lidar: LidarSettings) -> Scan | None:
         """
-        Measure ranges as a lidar or a depth camera does.
+        Measure ranges like a lidar or a depth camera.
 
-        :param lidar: its rays, and where it is.
-        :returns: None when it is attached to an intruder that is not there yet.
+        :param lidar: its rays and pose.
+        :returns: None if it is attached to an intruder that is not placed yet.
         """
         return scan(self.model, self.state, lidar)
 
@@ -208,7 +208,7 @@ class Readings:
 
 
 def _value(array: np.ndarray) -> np.ndarray:
-    """Copy an array that a later step may overwrite; who writes to the copy gets an error."""
+    """Return a read-only copy of an array that a later step may overwrite."""
     copied = array.copy()
     copied.flags.writeable = False
     return copied

@@ -42,10 +42,10 @@ _NUMBERS: dict[Any, tuple[type, ...]] = {
 
 class Form(NamedTuple):
     """
-    How objects become plain data whose class is none of ours, or whose attributes are no data.
+    Conversion to plain data of objects of foreign classes, or whose attributes are not data.
 
-    :ivar write: gives containers of plain values and arrays.
-    :ivar read: makes of these what stands for the object.
+    :ivar write: returns containers of plain values and arrays.
+    :ivar read: returns the object's substitute made from them.
     """
 
     write: Callable[[Any], Any]
@@ -57,20 +57,20 @@ Forms = Mapping[type, Form]
 
 class Writer:
     """
-    Writes values as lists that JSON knows, and collects the objects and arrays in them.
+    Write values as lists for JSON, and collect the objects and arrays in them.
 
-    :param constants: that are named, by name.
+    :param constants: objects written by name only.
     :param forms: of classes that have one.
 
     :ivar objects: fields of each object met so far.
-    :ivar arrays: met so far.
+    :ivar arrays: arrays met so far.
     """
 
     def __init__(self, constants: Mapping[str, Any], forms: Forms):
         self._names = {id(constant): name for name, constant in constants.items()}
         self._forms = forms
         self._places: dict[int, int] = {}  # of objects and arrays, by id
-        self._alive: list[Any] = []        # so that no id is given twice
+        self._alive: list[Any] = []        # so that no id is reused
         self.objects: list[dict[str, Any]] = []
         self.arrays: list[np.ndarray] = []
 
@@ -78,8 +78,8 @@ class Writer:
         """
         Write a value.
 
-        :param kind: the type that is declared for it; `Any` = none.
-        :raises TypeError: when it holds an object that no type is declared for: a defect.
+        :param kind: its declared type; `Any` = none.
+        :raises TypeError: if it contains an object without a declared type: a defect.
         """
         if type(value) in _PLAIN:
             return value
@@ -128,14 +128,14 @@ class Writer:
 
 class Reader:
     """
-    Reads what a `Writer` wrote.
+    Read the output of a `Writer`.
 
     :param objects: fields of each object.
-    :param arrays: that records refer to; they become part of what is read.
+    :param arrays: referred to by records; the values share them.
     :param constants: by name.
     :param forms: of classes that have one.
-    :raises ValueError: `read` and what it calls, like TypeError, KeyError and OverflowError, when
-        a record is none, or has not the type that is declared for it.
+    :raises ValueError: from `read` and its callees, like TypeError, KeyError and OverflowError,
+        if a record is invalid or does not match its declared type.
     """
 
     def __init__(self, objects: Sequence[Any], arrays: Sequence[np.ndarray],
@@ -148,7 +148,7 @@ class Reader:
         """
         Read a value.
 
-        :param kind: the type that is declared for it; `Any` = none.
+        :param kind: its declared type; `Any` = none.
         """
         value = self._value(record, kind)
         if not _fits(value, kind, self._forms):
@@ -186,7 +186,7 @@ class Reader:
             return self._made[number]
         _check_names(declared, record)
         kinds = get_type_hints(declared)
-        if issubclass(declared, tuple):  # it cannot hold itself
+        if issubclass(declared, tuple):  # a tuple cannot contain itself
             self._made[number] = declared._make(  # type: ignore[attr-defined]
                 self.read(record[name], kinds[name]) for name in kinds)
             return self._made[number]
@@ -200,7 +200,7 @@ class Reader:
 
 
 def content(value: Any) -> dict[str, Any]:
-    """Give the fields of an object that are to be written, by name."""
+    """Return the fields of an object to be written, by name."""
     if isinstance(value, tuple):
         return value._asdict()  # type: ignore[attr-defined]
     return value.__getstate__() if '__getstate__' in vars(type(value)) else vars(value)
@@ -211,12 +211,12 @@ def check_alike(pattern: Any, found: Any, forms: Forms, path: str,
     """
     Compare types, and dtypes and widths of arrays.
 
-    What is absent or empty on one side is not compared, nor are the items of containers.
+    Fields that are absent or empty on one side are not compared, nor are items of containers.
 
-    :param pattern: an object as it should be.
-    :param found: an object as it was read.
-    :param forms: of classes that are not looked into.
-    :param path: what the object is called.
+    :param pattern: a valid object.
+    :param found: an object as read.
+    :param forms: of classes that are not compared.
+    :param path: name of the object.
     :raises ValueError: naming the first field that differs.
     """
     seen = set() if seen is None else seen
@@ -250,7 +250,7 @@ def _options(kind: Any) -> tuple[Any, ...]:
 
 
 def _class(kind: Any, forms: Forms) -> type:
-    """Give the one class of objects that a declared type allows."""
+    """Return the single class of objects that a declared type allows."""
     for option in _options(kind):
         if isinstance(option, type) and (option in forms
                                          or option.__module__.startswith(_PACKAGE)):
@@ -259,7 +259,7 @@ def _class(kind: Any, forms: Forms) -> type:
 
 
 def _inner(kind: Any, container: type, count: int) -> Sequence[Any]:
-    """Give the declared types of the items of a container; of a dict those of key and value."""
+    """Return the declared types of the items of a container; of a dict, of key and value."""
     kinds = next((get_args(option) for option in _options(kind)
                   if get_origin(option) is container), (Any, ...))
     if len(kinds) == 1 or kinds[1] is ...:
@@ -270,7 +270,7 @@ def _inner(kind: Any, container: type, count: int) -> Sequence[Any]:
 
 
 def _fits(value: Any, kind: Any, forms: Forms) -> bool:
-    """Return whether a value may stand where a type is declared."""
+    """Return whether a value matches a declared type."""
     def fits(option: Any) -> bool:
         if option is Any or option in forms:
             return True
@@ -279,7 +279,7 @@ def _fits(value: Any, kind: Any, forms: Forms) -> bool:
 
 
 def _check_names(declared: type, record: Mapping[str, Any]) -> None:
-    """Raise ValueError unless the names in a record are those of fields of its class."""
+    """Raise ValueError unless the names in a record are the fields of its class."""
     if is_dataclass(declared) or issubclass(declared, tuple):
         known = ({field.name for field in fields(declared)} if is_dataclass(declared)
                  else set(declared._fields))  # type: ignore[attr-defined]

@@ -24,12 +24,12 @@ from procphys_ros.physics.rigid.islands import Islands
 from procphys_ros.physics.world import BodyState, Contacts, World
 from procphys_ros.rotation_kernels import matrix
 
-_CHAIN = 0.3  # [m/s] change of speed down to which taking back follows chains of contacts
+_CHAIN = 0.3  # [m/s] change of speed down to which impulses are followed along chains of contacts
 
 
 class Begun(NamedTuple):
     """
-    How all bodies moved when contacts were found.
+    The motion of all bodies when contacts were found.
 
     :ivar poses: by id, (B, 7).
     :ivar velocities: by id, (B, 6).
@@ -44,21 +44,21 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     """
     Undo the part of each impulse that the bonds of a side could not transmit.
 
-    A body all of whose impulses keep the same share keeps that share of its change of velocity.
-    Else the parts are summed: contacts are where the bodies were at the start of the step, and so
-    are their arms. Bodies that stood on what gives way now did not fall in this step, so gravity
-    gives them no speed. What is squeezed between a piece and the ground passes on a weaker push,
-    too, or it would shoot out: the share of a piece holds for all contacts of the chain of bodies
-    that it pressed on. Nothing gets energy from that: where bodies that share contacts would, less
-    is given back by all of these, so that momentum is kept.
+    A body whose impulses all keep the same share keeps that share of its change of velocity.
+    Else the parts are summed, with the arms at the start of the step. Bodies supported by a part
+    that gives way now did not fall in this step, so gravity adds no speed to them. A body squeezed
+    between a piece and the ground transmits a smaller impulse, too, or it would shoot out: the
+    share of a piece holds for all contacts of the chain of bodies that it pressed on. No group of
+    bodies gains energy: where bodies that share contacts would, less is returned to all of them,
+    so that momentum is kept.
 
     Writes velocities of bodies.
 
-    :param fall: speed that gravity has given since what free bodies had `before` [m/s].
+    :param fall: speed gained by gravity since the free motion in `before` [m/s].
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,), spread
         along chains in place.
     :param jump: change of velocity by contacts, by id, (B, 6).
-    :returns: share of each contact's impulse that is left, (C,).
+    :returns: remaining share of each contact's impulse, (C,).
     """
     bodies = world.bodies
     impulse = np.ascontiguousarray(contacts.impulse)
@@ -86,10 +86,10 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
 
 def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np.ndarray:
     """
-    Give each body the number of its group: those that contacts join, but for what is immovable.
+    Return the group number of each body: bodies joined by contacts, except through immovable ones.
 
     :param first, second: bodies of contacts, (C,).
-    :param loose: which bodies move freely, by id, (B,) bool.
+    :param loose: whether each body moves freely, by id, (B,) bool.
     :returns: (B,).
     """
     count = len(loose)
@@ -105,7 +105,7 @@ def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np
 
 @kernel
 def _kept(first, second, impulse, loose, mass, share):
-    """Give the share of each impulse that stays, (C,), and spread it along chains of contacts."""
+    """Return the share of each impulse that is kept, (C,), spread along chains of contacts."""
     count = len(first)
     kept = np.empty(count)
     changed = True
@@ -125,7 +125,7 @@ def _kept(first, second, impulse, loose, mass, share):
 
 @kernel
 def _sums(first, second, point, impulse, kept, start, count):
-    """Sum what is taken back from each body, (B, 6), with the shares that it keeps, (B,) twice."""
+    """Sum the impulses removed from each body, (B, 6), and its extreme kept shares, (B,) each."""
     total, least, most = np.zeros((count, 6)), np.ones(count), np.zeros(count)
     for c in range(len(first)):
         for body in (first[c], second[c]):
@@ -150,12 +150,12 @@ def _sums(first, second, point, impulse, kept, start, count):
 @kernel
 def _given(ids, total, keeps, jump, lift, mass, inertia, poses):
     """
-    Give the changes of velocity that take back what was not transmitted, (K, 6).
+    Return the changes of velocity that undo the untransmitted impulses, (K, 6).
 
-    :param total: what is taken back, by id, (B, 6).
+    :param total: removed impulse and moment, by id, (B, 6).
     :param keeps: share of its change of velocity that a body keeps, by id, (B,); NaN = see
         `total`.
-    :param lift: velocity that gravity did not give [m/s], by id, (B,).
+    :param lift: downward velocity by gravity to be undone [m/s], by id, (B,).
     """
     out = np.empty((len(ids), 6))
     for k in range(len(ids)):
@@ -171,15 +171,15 @@ def _given(ids, total, keeps, jump, lift, mass, inertia, poses):
 @kernel
 def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses, after):
     """
-    Say how much of what is taken back each group can have, by its number, (B,).
+    Return the share of the returned impulses that each group can have, by its number, (B,).
 
-    A group has no more energy than both without and with its contacts. A share of all impulses
-    lies in between, but shares that differ from contact to contact may not, as where a ball goes
-    on as before, and what it threw aside as well.
+    The energy of a group must not exceed both that without and that with its contacts. A common
+    share of all impulses lies in between, but shares that differ between contacts may not: a ball
+    would keep its motion, and so would the body it threw aside.
 
     :param given: see `_given`, (K, 6).
     :param start, before: poses and velocities at the start of the step; `poses` and `after` now.
-    :param fall: velocity that gravity gives what is free [m/s].
+    :param fall: velocity gained by free bodies through gravity [m/s].
     """
     free, now = np.zeros(len(mass)), np.zeros(len(mass))
     linear, square = np.zeros(len(mass)), np.zeros(len(mass))
@@ -204,7 +204,7 @@ def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses
 
 @kernel
 def _change(impulse, mass, inertia, pose):
-    """Give the change of velocity that an impulse and its moment make, (6,)."""
+    """Return the change of velocity by an impulse and its moment, (6,)."""
     axes = matrix(pose[3:])
     out = np.zeros(6)
     for c in range(3):

@@ -22,8 +22,8 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_INTERVAL = 0.1  # [s] between looks
-_FASTEST = 120.0  # [m/s] beyond any wind
+_INTERVAL = 0.1  # [s] between checks
+_FASTEST = 120.0  # [m/s] above any wind
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -46,9 +46,9 @@ def step(model: Model, state: State, dt: float) -> None:
 def holding_wind(weight: np.ndarray, friction: np.ndarray, bounds: np.ndarray,
                  drag_area: np.ndarray) -> np.ndarray:
     """
-    Give the wind that bodies on level ground just bear before they slide or fall over [m/s], (K,).
+    Return the wind speed at which bodies on level ground begin to slide or topple [m/s], (K,).
 
-    The drag ½ ρ Cd A v² acts at half of the height, and the weight over the middle of the foot.
+    The drag ½ ρ Cd A v² acts at half the height, and the weight at the middle of the base.
 
     :param weight: [N], (K,).
     :param friction: Coulomb coefficient, (K,).

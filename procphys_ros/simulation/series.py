@@ -27,17 +27,17 @@ from procphys_ros.simulation.part_loads import loads_of
 from procphys_ros.simulation.readings import Readings
 from procphys_ros.simulation.validation import checked_count
 
-_WIDTH = 8 * (7 + 6 + 3)  # [bytes] of a part in a row
+_WIDTH = 8 * (7 + 6 + 3)  # [bytes] per part and row
 
 
 @dataclass(frozen=True)
 class Series:
     """
-    A stretch of steps of some parts, a row per recorded step.
+    The motion and loads of some parts over a number of steps, a row per recorded step.
 
     :ivar parts: indices, (K,).
     :ivar names: of these parts.
-    :ivar times: simulated [s], (T,).
+    :ivar times: simulated time [s], (T,).
     :ivar poses: of centres of mass, world, (T, K, 7); NaN = the part is gone.
     :ivar velocities: linear and angular [m/s], [rad/s], world, (T, K, 6).
     :ivar loads: force [N], moment [N·m] and share of the strength, (T, K, 3), see `PartLoad`.
@@ -52,10 +52,10 @@ class Series:
 
     def save(self, path: Path) -> None:
         """
-        Write all arrays, by their names, into a file that `numpy.load` reads.
+        Write all arrays, by their names, into a file for `numpy.load`.
 
         :param path: ends in .npz.
-        :raises OSError: when it cannot be written.
+        :raises OSError: if it cannot be written.
         """
         np.savez(path, **vars(self))
 
@@ -68,10 +68,10 @@ def record(readings: Readings, step: Callable[[int], None], steps: int,
     :param readings: of the simulation.
     :param step: advances it by a number of time steps.
     :param steps: number of time steps in all.
-    :param parts: as `PartNames.indices` takes them.
-    :param every: time steps from row to row.
+    :param parts: as in `PartNames.indices`.
+    :param every: time steps per row.
     :returns: a row after each `every` steps.
-    :raises CommandError: when a part is unknown, a number none, or memory too small for it.
+    :raises CommandError: if a part is unknown, a number is invalid, or memory is too small.
     """
     steps, every = checked_count('the number of steps', steps), checked_count('every', every)
     if not every:
@@ -92,7 +92,7 @@ def record(readings: Readings, step: Callable[[int], None], steps: int,
 
 
 def _check_room(size: int) -> None:
-    """Refuse what memory cannot hold, before time is spent on it; [bytes]."""
+    """Raise CommandError for a series that exceeds free memory; [bytes]."""
     free = available_memory()
     if free is not None and size > free:
         raise CommandError(f'the series takes {size / 2 ** 30:.1f} GiB of memory, '

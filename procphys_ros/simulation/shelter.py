@@ -29,12 +29,12 @@ from procphys_ros.scene import SceneObject
 def find_shelter(blueprint: Blueprint, objects: Sequence[SceneObject],
                  masonry: np.ndarray, terrain: Terrain = FLAT) -> Shelter:
     """
-    Measure trees and buildings.
+    Measure the sizes of trees and buildings.
 
     :param blueprint: all parts.
     :param objects: owners of the parts; each is one tree (or bush) or one building.
-    :param masonry: which parts stand in buildings, (N,) bool.
-    :param terrain: the surface of the ground; heights count from there.
+    :param masonry: whether each part is in a building, (N,) bool.
+    :param terrain: the surface of the ground; heights are above it.
     """
     trees, buildings = [], []
     axes = np.abs(rotation.to_matrix(blueprint.poses[:, 3:]))

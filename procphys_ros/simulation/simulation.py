@@ -38,30 +38,29 @@ from procphys_ros.simulation.validation import checked_count
 
 class Simulation(Readings):
     """
-    Trees and buildings of a scene, from their rest state on.
+    Trees and buildings of a scene in time, starting at rest.
 
-    Same scene, seed and commands give identical poses.
+    The same scene, seed and commands give identical poses.
 
-    :ivar scene: what is simulated.
-    :ivar model: what the scene compiled to; constant.
+    :ivar scene: the simulated scene.
+    :ivar model: the compiled scene; constant.
     :ivar state: everything that changes.
     :ivar stages: of each step, in order; see `Stage` to add one.
-    :ivar warnings: what a user should know of the scene: objects that crack under their weight,
-        overlap, or are below the ground, a line each, also of those that joined later; they are
-        logged, too.
+    :ivar warnings: about objects that crack under their weight, overlap, or are below the ground,
+        a line each, also of those that joined later; they are logged, too.
     :ivar timings: wall time of each stage of the last call of `step` [s].
     """
 
     def __init__(self, scene: Scene, time_step: float | None = None, seed: int | None = None,
                  engine: str | None = None):
         """
-        Set a scene up at rest.
+        Set up a scene at rest.
 
-        :param scene: what to simulate.
-        :param time_step: [s]; None = the scene's own, 1/60 unless its file says otherwise.
-        :param seed: of the wind and all else that is random; None = the scene's own.
+        :param scene: to be simulated.
+        :param time_step: [s]; None = that of the scene, 1/60 by default.
+        :param seed: of the wind and all other random numbers; None = the scene's own.
         :param engine: of rigid bodies, 'auto', 'bullet' or 'native'; None = the scene's own.
-        :raises SceneError: when it is no scene, or a file could not hold one of these values.
+        :raises SceneError: if it is not a scene, or one of these values is invalid in scene files.
         """
         if not isinstance(scene, Scene):
             raise SceneError(f'{short(scene)} is no scene; Scene.from_yaml reads one, '
@@ -74,7 +73,7 @@ class Simulation(Readings):
         self.model = compile_model(
             settings, scene.shard, scene.blueprint, scene.objects, settings.time_step,
             settings.seed)
-        self._scene_model = self.model  # without what is added while it runs
+        self._scene_model = self.model  # without objects added while it runs
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
             scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_trees(
@@ -82,10 +81,10 @@ class Simulation(Readings):
 
     def reset(self) -> None:
         """
-        Reset everything to rest and whole, and the time to zero.
+        Reset all objects to rest and undamaged, and the time to zero.
 
-        What was added stays, where it was placed; what was removed stays away; `revert` ends
-        both. The wind goes back to the settings that it was last given, and the observer stays.
+        Added objects stay where they were placed; removed ones stay removed; `revert` undoes
+        both. The wind returns to its last settings, and the observer stays.
         """
         wind, observer = self.state.wind, self.state.observer
         added, removed = self.state.added, self.state.removed
@@ -100,21 +99,20 @@ class Simulation(Readings):
         self.state.observer = observer
 
     def revert(self) -> None:
-        """Reset to the scene as it was loaded: nothing added, nothing removed."""
+        """Reset to the scene as loaded: without added objects, with the removed ones."""
         self.state.added, self.state.removed = {}, []
         self.reset()
 
     def close(self) -> None:
-        """Free what lives outside Python; `reset` would make it anew."""
+        """Free the resources outside Python; `reset` would recreate them."""
         self.state.world.close()
 
     def save(self) -> bytes:
         """
-        Write the whole state down.
+        Serialise the whole state.
 
-        What goes on from here and what goes on from the snapshot stay the same to the bit. With
-        `native` so does a run that is not saved; the caches of `bullet` cannot be, so that it is
-        built anew from the state.
+        A run continued from here and one from the snapshot are identical to the bit. With
+        `native` so is a run without a save; `bullet`, whose caches cannot be saved, is rebuilt.
         """
         data = snapshot.dump(self._scene_model, self.model, self.state)
         self.state.world.rebuild()
@@ -125,15 +123,15 @@ class Simulation(Readings):
         Restore a saved state of the same scene.
 
         :param data: from `save`, of this or another simulation of the scene, in any process.
-        :raises SnapshotError: when it is no snapshot, damaged, or of another scene or version;
-            the present state stays.
+        :raises SnapshotError: if it is not a snapshot, damaged, or of another scene or version;
+            the present state is kept.
         """
         model, state = snapshot.load(self._scene_model, data)
         self.close()
         self.model, self.state, self._flutter = model, state, None
 
     def fork(self) -> Self:
-        """Make a second simulation that goes on from here; equal commands give equal results."""
+        """Return a second simulation in the same state; equal commands give equal results."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__, timings={},
                               state=snapshot.clone(self.model, self.state))
@@ -158,14 +156,14 @@ class Simulation(Readings):
         """
         Place an object into the running scene; it stays until `remove` or `revert`.
 
-        It is at rest, trees bent by the mean wind that blows.
+        It is at rest, trees bent by the present mean wind.
 
-        :param blueprint: what to place; it is not changed.
-        :param position: where its origin goes [m], (3,), world; z counts from the ground.
+        :param blueprint: of the object; it is not changed.
+        :param position: of its origin [m], (3,), world; z counts from the ground.
         :param yaw: turn about the vertical [rad].
-        :param name: that no object has or had; `object_<n>` when left out.
-        :returns: its name and parts, which are behind all others.
-        :raises CommandError: when the name is or was taken, the place is not finite, or free
+        :param name: must be new, among the objects there are and were; default `object_<n>`.
+        :returns: its name and parts, which follow all others.
+        :raises CommandError: if the name is or was taken, the position is not finite, or free
             memory cannot hold the object.
         """
         name = name or self.free_name('object')
@@ -179,16 +177,16 @@ class Simulation(Readings):
 
     def remove(self, name: str) -> None:
         """
-        Take an object out of the running scene, wherever its parts are by now.
+        Remove an object from the running scene, wherever its parts are by now.
 
-        Its parts keep their numbers, and no other object gets its name before `reset`.
+        Its parts keep their numbers, and its name is not available before `reset`.
 
-        :raises CommandError: when there is no such object.
+        :raises CommandError: if there is no such object.
         """
         additions.remove(self.model, self.state, name)
 
     def free_name(self, stem: str) -> str:
-        """Give the first of `<stem>_0`, `<stem>_1`, … that no object has or had."""
+        """Return the first unused object name among `<stem>_0`, `<stem>_1`, …."""
         return additions.free_name(self.state, stem)
 
     def step(self, n: int = 1) -> None:
@@ -196,7 +194,7 @@ class Simulation(Readings):
         Advance time.
 
         :param n: number of time steps.
-        :raises CommandError: when it is negative, or no whole number.
+        :raises CommandError: if it is negative, or not an integer.
         """
         n = checked_count('the number of steps', n)
         model, state, dt = self.model, self.state, self.model.time_step
@@ -212,25 +210,25 @@ class Simulation(Readings):
     def series(self, steps: int, parts: Sequence[int | str] | None = None,
                every: int = 1) -> Series:
         """
-        Advance time, and record where parts are, how they move and what they carry.
+        Advance time, and record the poses, velocities and loads of parts.
 
         :param steps: number of time steps.
         :param parts: names or indices, (K,), the name of an object for all of its parts; None =
-            all parts that there are by now.
-        :param every: time steps from row to row.
+            all present parts.
+        :param every: time steps per row.
         :returns: a row after each `every` steps.
-        :raises CommandError: when a part is unknown, a number none, or memory too small for it.
+        :raises CommandError: if a part is unknown, a number is invalid, or memory is too small.
         """
         return series.record(self, self.step, steps, parts, every)
 
     def apply(self, command: Any) -> Any:
         """
-        Carry out a command now, before the next step.
+        Execute a command now, before the next step.
 
         :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion` or
             `Demolition`.
         :returns: see `commands.apply`.
-        :raises CommandError: when it cannot be carried out; nothing has changed then.
+        :raises CommandError: if it cannot be carried out; nothing is changed then.
         """
         return commands.apply(self.model, self.state, command)
 
@@ -238,14 +236,14 @@ class Simulation(Readings):
         """
         Change the mean wind from now on.
 
-        :param velocity: of the air at the reference height, the way it blows to [m/s], (3,).
-        :param ramp: how long the change takes [s]; 0 = at once.
-        :raises CommandError: when it is not finite or out of range.
+        :param velocity: of the air, downwind, at the reference height [m/s], (3,).
+        :param ramp: duration of the change [s]; 0 = at once.
+        :raises CommandError: if it is not finite or out of range.
         """
         self.apply(commands.SetWind(velocity, ramp))
 
     def set_wind_enabled(self, enabled: bool) -> None:
-        """Let the wind blow, or still the air."""
+        """Enable or disable the wind."""
         self.apply(commands.EnableWind(enabled))
 
     def gust(self, gust: Gust | None = None) -> None:
@@ -253,7 +251,7 @@ class Simulation(Readings):
         Send one gust through the scene.
 
         :param gust: its shape; None = the scene's own.
-        :raises CommandError: when it has no direction.
+        :raises CommandError: if it has no direction.
         """
         self.apply(gust or self.model.settings.gust)
 
@@ -264,7 +262,7 @@ class Simulation(Readings):
 
         :param position: of the camera [m], (3,), world.
         :param orientation: quaternion xyzw; the camera looks along x, z is up.
-        :raises CommandError: when a value is not finite, or the quaternion has no length.
+        :raises CommandError: if a value is not finite, or the quaternion has no length.
         """
         self.apply(commands.Observe(position, orientation))
 
@@ -272,31 +270,33 @@ class Simulation(Readings):
                       angular: Sequence[float] = (0.0, 0.0, 0.0),
                       point: Sequence[float] | None = None) -> bool:
         """
-        Strike a part once.
+        Apply an impulse to a part once.
 
         :param part: its name or index.
         :param linear: impulse [N·s], (3,), world axes.
         :param angular: angular impulse [N·m·s], (3,), world axes.
-        :param point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+        :param point: of application of the linear impulse [m], (3,), world; None = centre of mass.
         :returns: whether the part moves; one that stands in a wall may hold.
-        :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
+        :raises CommandError: if the part is unknown or gone, or a value is not finite or too
+            large.
         """
         return self.apply(commands.Impulse(part, linear, angular, point))
 
     def apply_wrench(self, part: int | str, force: Sequence[float],
                      torque: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         """
-        Push a part until `clear_wrenches`; a later call for the same part replaces this one.
+        Apply a force to a part until `clear_wrenches`; a later call for the part replaces it.
 
         :param part: its name or index.
         :param force: at its centre of mass [N], (3,), world axes.
         :param torque: [N·m], (3,), world axes.
-        :raises CommandError: when the part is unknown, gone, or a value not finite or too large.
+        :raises CommandError: if the part is unknown or gone, or a value is not finite or too
+            large.
         """
         self.apply(commands.Wrench(part, force, torque))
 
     def clear_wrenches(self) -> int:
-        """End all lasting forces, and say how many there were."""
+        """End all lasting forces, and return their number."""
         return self.apply(commands.ClearWrenches())
 
     def launch(self, projectile: Projectile) -> int:
@@ -304,41 +304,42 @@ class Simulation(Readings):
         Launch a ball or a block.
 
         :param projectile: its shape, size, mass, position and velocity.
-        :returns: index of the part that it becomes, behind all others.
-        :raises CommandError: when there are too many, or it would start inside of something.
+        :returns: index of its part, after all others.
+        :raises CommandError: if there are too many, or it would start inside an obstacle.
         """
         return self.apply(projectile)
 
     def explode(self, point: Sequence[float], charge: float) -> None:
         """
-        Set off a charge in the open; its wave arrives in the next steps.
+        Detonate a charge in the open; its wave arrives in the next steps.
 
-        :param point: where [m], (3,), world.
-        :param charge: mass of TNT of the same effect [kg], at most 10,000.
-        :raises CommandError: when a value is out of its range.
+        :param point: of the charge [m], (3,), world.
+        :param charge: equivalent mass of TNT [kg], at most 10,000.
+        :raises CommandError: if a value is out of its range.
         """
         self.apply(Explosion(point, charge))
 
     def demolish(self, plan: Demolition | None = None) -> int:
         """
-        Set the times at which charges fire, from now.
+        Schedule charges in walls, from now on.
 
-        :param plan: where and when; None = along the ground-floor walls, from the middle out.
+        :param plan: positions and delays; None = along the ground-floor walls, from the middle
+            out.
         :returns: number of charges.
-        :raises CommandError: when no building stands.
+        :raises CommandError: if no building stands.
         """
         return self.apply(plan or Demolition())
 
     def set_body_state(self, part: int | str, pose: Sequence[float] | None = None,
                        twist: Sequence[float] | None = None) -> None:
         """
-        Move a loose part, and the piece that it belongs to, somewhere else at once.
+        Move a loose part, and the piece that it belongs to, instantly.
 
         :param part: its name or index.
-        :param pose: of the part [m], (7,), world; None = where it is.
-        :param twist: velocity of its centre and spin [m/s], [rad/s], world axes, (6,); None = as
-            it has.
-        :raises CommandError: when the part is unknown, gone, or not loose, or a value not finite.
+        :param pose: of the part [m], (7,), world; None = unchanged.
+        :param twist: velocity of its centre and spin [m/s], [rad/s], world axes, (6,); None =
+            unchanged.
+        :raises CommandError: if the part is unknown, gone, or not loose, or a value is not finite.
         """
         self.apply(commands.SetBodyState(part, pose, twist))
 
@@ -348,8 +349,8 @@ class Simulation(Readings):
         Place a body of `Settings.intruder` or `Settings.intruders`, or set its next pose.
 
         :param pose: x y z qx qy qz qw [m], (7,), world.
-        :param time: when it is there [s]; None = now.
+        :param time: of the pose [s]; None = now.
         :param name: of the intruder.
-        :raises CommandError: when the pose is none, or there is no such intruder.
+        :raises CommandError: if the pose is invalid, or there is no such intruder.
         """
         self.apply(commands.PlaceIntruder(pose, time, name))

@@ -22,11 +22,11 @@ from procphys_ros.physics.touch import piece_bounds
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_PATIENCE = 0.25  # [s] that an outline stays in use while a building comes down
+_PATIENCE = 0.25  # [s] that an outline stays in use while a building collapses
 
 
 def current(model: Model, state: State) -> Skyline:
-    """Give the present skyline; it is the same object while nothing has changed."""
+    """Return the present skyline; it is the same object while nothing has changed."""
     own = state.skyline
     if own.drawn is None or state.time > own.looked + _PATIENCE - 1e-9:
         own.looked = state.time

@@ -40,7 +40,7 @@ from procphys_ros.simulation.records import check_alike, Form, Reader, Writer
 from procphys_ros.simulation.state import State
 
 _PACKAGE = 'procphys_ros.'
-_ADDED = tuple[Blueprint, list[SceneObject]]  # all parts and objects, when some have joined
+_ADDED = tuple[Blueprint, list[SceneObject]]  # all parts and objects, if some have joined
 _FAULTS = (ValueError, KeyError, TypeError, IndexError, AttributeError, OverflowError,
            RecursionError, SceneError)
 
@@ -51,7 +51,7 @@ def _read_generator(state: Any) -> np.random.Generator:
     return generator
 
 
-# A world is built from its arrays after all else has been read.
+# A world is built from its arrays after everything else has been read.
 _FORMS = {World: Form(World.save_state, lambda arrays: arrays),
           np.random.Generator: Form(lambda generator: generator.bit_generator.state,
                                     _read_generator)}
@@ -59,10 +59,10 @@ _FORMS = {World: Form(World.save_state, lambda arrays: arrays),
 
 def dump(scene: Model, model: Model, state: State) -> bytes:
     """
-    Write a state down.
+    Serialise a state.
 
-    :param scene: model of the scene as it was loaded.
-    :param model: the same, or enlarged by what was added since.
+    :param scene: model of the scene as loaded.
+    :param model: the same, or enlarged by objects added since.
     :param state: of a simulation between two steps.
     """
     table: dict[str, Any] = {'version': __version__, 'scene': digest(scene), 'time': state.time}
@@ -76,11 +76,11 @@ def dump(scene: Model, model: Model, state: State) -> bytes:
 
 def load(scene: Model, data: bytes) -> tuple[Model, State]:
     """
-    Read a state.
+    Deserialise a state.
 
     :param scene: model of the scene that it was saved from.
-    :returns: the model, enlarged by what had been added, and the state.
-    :raises SnapshotError: when it is no snapshot, damaged, of another version or another scene.
+    :returns: the model, enlarged by the added objects, and the state.
+    :raises SnapshotError: if it is not a snapshot, damaged, of another version or another scene.
     """
     table, arrays = unpack(data, [EVENT])
     try:
@@ -111,7 +111,7 @@ def clone(model: Model, state: State) -> State:
 
 
 def digest(model: Model) -> str:
-    """Hash everything that a scene is compiled from, and that makes a difference to its course."""
+    """Hash all inputs of a scene that affect its simulation."""
     total = hashlib.sha256()
     for part in (replace(model.settings, threads=0), model.seed, model.time_step, model.shard):
         total.update(repr(part).encode())
@@ -122,12 +122,12 @@ def digest(model: Model) -> str:
 
 def _section(model: Model, value: Any, kind: Any, arrays: list[np.ndarray]) -> dict[str, Any]:
     """
-    Write a value.
+    Serialise a value.
 
-    Arrays are told by their number, or by the name of a constant that they are equal to. Of these
-    there is no more than the model has itself, so that a small file cannot ask for many copies.
+    Arrays are written as their number, or as the name of a constant equal to them. The latter are
+    limited to the size of the model, so that a small file cannot request many copies.
 
-    :param arrays: those that are no copies are appended.
+    :param arrays: those that are not copies are appended.
     """
     writer = Writer(_constants(model), _FORMS)
     record = writer.write(value, kind)
@@ -146,7 +146,7 @@ def _section(model: Model, value: Any, kind: Any, arrays: list[np.ndarray]) -> d
 
 
 def _content(model: Model, section: Any, kind: Any, arrays: list[np.ndarray]) -> Any:
-    """Read a value that `_section` wrote."""
+    """Deserialise a value written by `_section`."""
     constants, places = _constants(model), section['places']
     numbers = [place for place in places if type(place) is int]
     if len(set(numbers)) < len(numbers) or min(numbers, default=0) < 0:
@@ -159,7 +159,7 @@ def _content(model: Model, section: Any, kind: Any, arrays: list[np.ndarray]) ->
 
 
 def _started(model: Model, state: State) -> State:
-    """Compare a state with the one that its scene begins with, and give it its world."""
+    """Compare a state with the initial one of its scene, and create its world."""
     pattern = State.initial(model)
     pattern.world.close()
     check_alike(pattern, state, _FORMS, 'state')
@@ -175,7 +175,7 @@ def _with_world(model: Model, state: State) -> State:
 
 
 def _enlarged(scene: Model, blueprint: Blueprint, objects: list[SceneObject]) -> Model:
-    """Compile a scene with what had been added to it."""
+    """Compile a scene with the objects added to it."""
     check_alike(scene.blueprint, blueprint, _FORMS, 'blueprint')
     blueprint.__post_init__()
     if sum(known.count for known in objects) != len(blueprint):
@@ -193,18 +193,18 @@ def _identity(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:
 
 
 def _size(model: Model) -> int:
-    """Give how much memory the constants of a model take [bytes]."""
+    """Return the memory of a model's constants [bytes]."""
     return sum(array.nbytes for array in _arrays(model).values())
 
 
 def _constants(model: Model) -> dict[str, Any]:
-    """Name the arrays of a model, its blueprint and its settings, which states refer to."""
+    """Name the arrays of a model, its blueprint and its settings that states refer to."""
     return {**_arrays(model), 'blueprint': model.blueprint, 'settings': model.settings,
             'culling': model.settings.culling}
 
 
 def _arrays(thing: Any, name: str = '', seen: set[int] | None = None) -> dict[str, np.ndarray]:
-    """Find all arrays that an object of this package holds, by the way to them."""
+    """Find all arrays in an object of this package, by their path."""
     seen = set() if seen is None else seen
     if isinstance(thing, np.ndarray):
         return {name: thing}

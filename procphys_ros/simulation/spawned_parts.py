@@ -27,11 +27,11 @@ from procphys_ros.linear import norm, product
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 
-SHARD = 'shard'  # kind of what panes break into
+SHARD = 'shard'  # kind of the pieces of panes
 _TEXTURE = 'concrete'
-_CORE = 0.55  # of a ball's diameter, edge of what is drawn inside of its round skin
-_INNER = 0.35    # of a pane's edges: cracks start no further from its middle
-_WIDENING = 1.3  # exponent by which rings of cracks lie closer near the middle
+_CORE = 0.55  # of a ball's diameter, edge of the box drawn inside its round skin
+_INNER = 0.35    # of a pane's edges: cracks start no farther from its middle
+_WIDENING = 1.3  # exponent by which rings of cracks are closer near the middle
 _MIRRORED = np.array([4, 5, 6, 7, 0, 1, 2, 3])  # corners with the low and high z swapped
 _GOLDEN = 0.5 * (1.0 + np.sqrt(5.0))
 
@@ -40,7 +40,7 @@ def projectile_part(projectile: Projectile) -> Blueprint:
     """
     Make the one part of a projectile.
 
-    Blueprints know no balls: a ball is a capsule as long as wide, with a skin of triangles.
+    Blueprints have no balls: a ball is a capsule as long as wide, with a skin of triangles.
 
     :param projectile: as launched.
     """
@@ -68,16 +68,16 @@ def shards(size: np.ndarray, density: float, pose: np.ndarray, texture: str, mat
            rings: int, rng: np.random.Generator, point: np.ndarray | None = None,
            kind: str = SHARD) -> Blueprint:
     """
-    Cut a pane or a brick into pieces between cracks that run out from one point and around it.
+    Cut a pane or a brick into pieces along radial and circular cracks around a point.
 
-    :param size: full extents of the pane [m], (3,); its least is its thickness.
+    :param size: full extents of the pane [m], (3,); the smallest is its thickness.
     :param density: [kg/m³].
     :param pose: of the pane, (7,), world.
     :param texture, material: names, as of the pane.
     :param rings: of eight shards each around the middle four.
-    :param rng: places the cracks.
-    :param point: where they start, in the pane's frame [m], (3,); None = somewhere.
-    :param kind: name of what the pieces are.
+    :param rng: of the cracks.
+    :param point: of their origin, in the pane's frame [m], (3,); None = random.
+    :param kind: name of the pieces.
     """
     thin, u, v = np.argsort(size, kind='stable')
     plane = _star(rings, rng, None if point is None else point[[u, v]] / size[[u, v]])
@@ -104,7 +104,7 @@ def _star(rings: int, rng: np.random.Generator, point: np.ndarray | None) -> np.
     """
     Cut the unit square about zero into convex quadrilaterals around a point.
 
-    Cracks run to its corners and to about the nearest place on each edge: no angle reaches 180°.
+    Cracks run to its corners and near the closest point on each edge: no angle reaches 180°.
 
     :returns: their corners in turn, (4 + 8 · rings, 4, 2).
     """
@@ -125,7 +125,7 @@ def _star(rings: int, rng: np.random.Generator, point: np.ndarray | None) -> np.
 
 
 def _corner_order(thin: int, u: int, v: int) -> np.ndarray:
-    """Give the rows of corners that count along thin, u, v, in the order along x, y, z."""
+    """Return the rows of corners numbered along thin, u, v, in the order along x, y, z."""
     number = np.arange(8)
     bits = {axis: (number >> axis) & 1 for axis in range(3)}
     return 4 * bits[thin] + 2 * bits[u] + bits[v]
@@ -133,7 +133,7 @@ def _corner_order(thin: int, u: int, v: int) -> np.ndarray:
 
 @cache
 def _round_skin() -> np.ndarray:
-    """Give a unit sphere as 80 triangles, an icosahedron refined once, (80, 9)."""
+    """Return a unit sphere as 80 triangles, an icosahedron refined once, (80, 9)."""
     corners = np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)])
     corners = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)])
     faces = [(a, b, c) for a in range(12) for b in range(a + 1, 12) for c in range(b + 1, 12)

@@ -50,8 +50,8 @@ class Stage(NamedTuple):
     """
     One part of a step.
 
-    :ivar name: as timings and diagnostics show it.
-    :ivar step: `step(model, state, dt)`; its docstring says what it writes.
+    :ivar name: shown in timings and diagnostics.
+    :ivar step: `step(model, state, dt)`; its docstring lists the state it writes.
     """
 
     name: str
@@ -59,24 +59,24 @@ class Stage(NamedTuple):
 
 
 def apply_loads(model: Model, state: State, dt: float) -> None:
-    """Tell the stress solver of the loads that have changed; writes stresses."""
+    """Set the changed loads of the stress solver; writes stresses."""
     state.loads.apply(state.solver, state.time)
 
 
 def move_in_air(model: Model, state: State, dt: float) -> None:
-    """Move leaves and dust, which both ask for the air and for what stands; writes both."""
+    """Move leaves and dust, which both sample the wind and the skyline; writes both."""
     foliage.step(model, state, dt)
     dust.drift(model, state, dt)
 
 
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """
-    Move and collide rigid bodies; beside them solve stresses, and move leaves and dust.
+    Move and collide rigid bodies; solve stresses, and move leaves and dust, in parallel.
 
-    Writes `state.world`, `state.rubble`, stresses, leaves and dust, and what `yielding` does.
+    Writes `state.world`, `state.rubble`, stresses, leaves and dust, and the output of `yielding`.
     """
     bodies, rubble = state.world.bodies, state.rubble
-    with ExitStack() as meanwhile:  # waits for both, whatever fails
+    with ExitStack() as meanwhile:  # waits for both, even on errors
         others = [beside(name, partial(work, model, state, dt), model.threads) for name, work
                   in (('air', move_in_air), ('stresses', masonry.solve_stresses))]
         for ended in others:

@@ -21,27 +21,26 @@ import numpy as np
 from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import StressSolver
 
-_TOGETHER = 0.1  # [s] loads that change within this act together: about two periods of a
-#                  storey-high wall, which has not answered to the first of them before
-_ROUNDS = 3      # that fail something under a blow, some 0.06 s: cracks run through a panel
-#                  while it swings out, but what crumbles on must not feel the blow for ever
+_TOGETHER = 0.1  # [s] loads that change within this time act together: about two periods of a
+#                  storey-high wall, which has not responded to the first of them before
+_ROUNDS = 3      # with failures under a blow, about 0.06 s: cracks run through a panel
+#                  while it swings out, but later crumbling must not be loaded by the blow
 
 
 class StandingLoads:
     """
-    Sums what different sources put on standing parts and hands it to the stress solver.
+    Sum up the loads of different sources on standing parts for the stress solver.
 
-    Nothing reaches the solver while nothing changes, so that standing walls cost nothing. What
-    changes while it works on earlier loads waits until these have been judged: loads that never
-    stay the same, such as of moving rubble, would keep it from ever finding a stress.
+    The solver is called only after changes, so that standing walls cost nothing. Changes while it
+    works on earlier loads wait until these have been judged: loads that change all the time, such
+    as of moving rubble, would keep it from converging.
 
-    Blows act until nothing fails under them any more, or cracks have run as far as they do while
-    a panel swings out. Of blows that follow each other on one part only the strongest counts,
-    since a part feels them one after the other. Whatever they throw over becomes no faster than
-    what struck it.
+    Blows act until no bond fails under them, or cracks have run as far as they do while a panel
+    swings out. Of successive blows to one part only the strongest counts, since they act one after
+    the other. Parts that they throw over become no faster than the striking body.
 
-    :param count: number of parts in all buildings and elsewhere.
-    :ivar thrown: velocities that parts get when they leave the ground [m/s], (N, 3).
+    :param count: number of parts, in buildings and elsewhere.
+    :ivar thrown: velocities of parts when they are released [m/s], (N, 3).
     """
 
     _layers: dict[str, tuple[np.ndarray, np.ndarray]]
@@ -53,30 +52,30 @@ class StandingLoads:
         self._count = count
         self._layers = {}
         self._struck = []
-        self._speed = np.zeros(count)  # of what has struck a part since blows ended last [m/s]
+        self._speed = np.zeros(count)  # of bodies that struck, until blows end [m/s]
         self.thrown = np.zeros((count, 3))
         self._waiting = None
         self._blows = None
         self._changed = False
         self._open = True
         self._opened = 0.0
-        self._rounds = 0  # in which the blows that act made something fail
+        self._rounds = 0  # in which the active blows broke bonds
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Name the layers that press at present."""
+        """Names of the active layers."""
         return tuple(self._layers)
 
     def layer(self, source: str) -> tuple[np.ndarray, np.ndarray]:
-        """Give the parts (K,) and wrenches (K, 6) of one layer; none when it does not press."""
+        """Return the parts (K,) and wrenches (K, 6) of one layer; none if it is not active."""
         return self._layers.get(source, (np.zeros(0, np.intp), np.zeros((0, 6))))
 
     def set_layer(self, source: str, parts: np.ndarray, wrenches: np.ndarray) -> None:
         """
-        Replace everything that a source presses with.
+        Replace all loads of a source.
 
         :param source: name of the layer, such as 'wind' or 'debris'.
-        :param parts: indices; one that stands twice gets both, (K,).
+        :param parts: indices, repeated ones are summed, (K,).
         :param wrenches: force at the centre of mass and moment [N], [N·m], world, (K, 6).
         """
         parts, wrenches = np.asarray(parts, np.intp), np.asarray(wrenches, float)
@@ -88,11 +87,11 @@ class StandingLoads:
         self._changed |= not same and (before is not None or len(parts) > 0)
 
     def remove_layer(self, source: str) -> None:
-        """End a layer, if there is one."""
+        """Remove a layer, if there is one."""
         self._changed |= self._layers.pop(source, None) is not None
 
     def resize(self, count: int) -> None:
-        """Make room for parts that join behind all others, (N,) with them."""
+        """Extend the arrays for parts appended to all others, (N,) with them."""
         more = np.zeros((count - self._count, 9))
         self._count = count
         self._speed = np.concatenate([self._speed, more[:, 0]])
@@ -101,18 +100,18 @@ class StandingLoads:
             self._waiting = np.concatenate([self._waiting, more])
         if self._blows is not None:
             self._blows = np.concatenate([self._blows, more])
-        self._changed = True  # the solver is another one
+        self._changed = True  # the solver is a new one
 
     def add_blow(self, parts: np.ndarray, wrenches: np.ndarray, speed: np.ndarray | float,
                  impulses: np.ndarray | float = 0.0) -> None:
         """
-        Add blows, which act until the stresses under them break nothing more.
+        Add blows, which act until the stresses under them break no more bonds.
 
-        :param parts: indices; one that stands twice gets both, (K,).
-        :param wrenches: steady force of the same effect at the centre of mass and moment [N],
+        :param parts: indices, repeated ones are summed, (K,).
+        :param wrenches: equivalent static force at the centre of mass and moment [N],
             [N·m], world, (K, 6).
-        :param speed: of what strikes each [m/s], (K,) or one for all.
-        :param impulses: that the parts take along when they leave [N·s], world, (K, 3).
+        :param speed: of the striking bodies [m/s], (K,) or one for all.
+        :param impulses: of the parts when they are released [N·s], world, (K, 3).
         """
         parts = np.asarray(parts, np.intp)
         blows = np.zeros((len(parts), 9))
@@ -122,30 +121,30 @@ class StandingLoads:
 
     @property
     def struck(self) -> bool:
-        """Whether blows act at present."""
+        """Whether blows are active."""
         return self._blows is not None
 
     @property
     def cracked(self) -> bool:
-        """Whether cracks under the present blows have run as far as they do."""
+        """Whether cracks under the present blows have reached their full length."""
         return self._rounds >= _ROUNDS
 
     @property
     def largest_blow(self) -> float:
-        """Give the largest force of a blow that acts on a part at present [N]."""
+        """Return the largest force of an active blow on a part [N]."""
         blows = self._blows
         return 0.0 if blows is None else float(norm(blows[:, :3], axis=1).max())
 
     def impulse_on(self, parts: np.ndarray) -> np.ndarray:
-        """Return the impulse of all blows that act on parts [N·s], (3,)."""
+        """Return the impulse of all active blows on parts [N·s], (3,)."""
         return np.zeros(3) if self._blows is None else self._blows[parts, 6:].sum(axis=0)
 
     def striking_speed(self, parts: np.ndarray) -> float:
-        """Give the speed of the fastest thing that has struck any of the parts [m/s]."""
+        """Return the speed of the fastest body that has struck any of the parts [m/s]."""
         return float(self._speed[parts].max(initial=0.0))
 
     def take_blows(self, parts: np.ndarray) -> np.ndarray:
-        """Take the blows off parts that leave; return the impulse they passed on [N·s], (3,)."""
+        """Remove the blows on released parts; return the impulse they transmitted [N·s], (3,)."""
         total = np.zeros(3)
         for struck, blows in self._struck:
             leaves = np.isin(struck, parts)
@@ -159,22 +158,22 @@ class StandingLoads:
         return total
 
     def scale_blows(self, parts: np.ndarray, share: float) -> None:
-        """Leave a share of the blows that act on parts."""
+        """Scale the active blows on parts by a share."""
         if self._blows is not None:
             self._blows[parts] *= share
             self._changed = True
 
     def take_more(self, broke: bool) -> None:
         """
-        Record that something failed in a round under the loads handed over.
+        Record a round of failures under the applied loads.
 
-        :param broke: whether anything is gone, and not just cracked: then other loads may follow.
+        :param broke: whether any bond broke, and did not just crack: then other loads may follow.
         """
         self._rounds += 1
         self._open |= broke
 
     def end_blows(self) -> None:
-        """Record that the loads handed over break nothing more."""
+        """Record that the applied loads break no more bonds."""
         self._open = True
         if self._blows is not None:
             self._blows = None
@@ -184,7 +183,7 @@ class StandingLoads:
 
     def apply(self, solver: StressSolver, time: float) -> None:
         """
-        Tell the solver when anything has changed; once per step, before it works.
+        Set the loads of the solver if any has changed; once per step, before it works.
 
         :param solver: of the stresses in all buildings.
         :param time: [s].
@@ -208,7 +207,7 @@ class StandingLoads:
         self._changed = False
 
     def _total(self, loads: list[tuple[np.ndarray, np.ndarray]], columns: int = 6) -> np.ndarray:
-        """Add up loads on each part, (N, columns)."""
+        """Sum up loads per part, (N, columns)."""
         total = np.zeros((self._count, columns))
         for parts, rows in loads:
             np.add.at(total, parts, rows)
@@ -216,7 +215,7 @@ class StandingLoads:
 
 
 def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
-    """Give the one with the larger force on each part, (N, 9)."""
+    """Return the blow with the larger force on each part, (N, 9)."""
     if blows is None:
         return others
     harder = norm(others[:, :3], axis=1) > norm(blows[:, :3], axis=1)

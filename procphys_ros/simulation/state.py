@@ -43,22 +43,22 @@ from procphys_ros.simulation.pose_interpolator import PoseInterpolator
 from procphys_ros.simulation.standing_loads import StandingLoads
 from procphys_ros.simulation.tree_lod import LodScheduler
 
-_FALL_SEED, _DUST_SEED = 103, 104  # keep random streams apart that share the scene's seed
+_FALL_SEED, _DUST_SEED = 103, 104  # separate random streams that share the scene's seed
 
 
 @dataclass
 class TreeState:
     """
-    What trees need beside the forest.
+    State of trees besides the forest.
 
     :ivar air: velocity of the air at every row [m/s], (S, 3).
     :ivar still: whether there is no wind at all.
-    :ivar lod: scheduler of trees that nobody looks at; None = all trees are stepped alike.
-    :ivar faded_air: air that a row felt before its tree came back into view [m/s], (S, 3).
-    :ivar start_poses: of rows that are stepped ahead of time, (S, 7).
-    :ivar chosen: trees of the plan that go on in this step, (T,) bool.
-    :ivar age, quiet, down: seconds since a branch came off, lies still, is near the ground, by
-        its first row.
+    :ivar lod: scheduler of level of detail; None = all trees are stepped in every step.
+    :ivar faded_air: air at a row before its tree came back into view [m/s], (S, 3).
+    :ivar start_poses: of rows that are stepped several time steps ahead, (S, 7).
+    :ivar chosen: trees of the plan stepped in this step, (T,) bool.
+    :ivar age, quiet, down: seconds since a branch came off, has been at rest, has been near the
+        ground, by its first row.
     """
 
     air: np.ndarray
@@ -75,13 +75,13 @@ class TreeState:
 @dataclass
 class BranchLoads:
     """
-    What branches press standing parts with.
+    Loads of branches on standing parts.
 
-    :ivar parts: that are pressed, (K,).
+    :ivar parts: loaded ones, (K,).
     :ivar mean: smoothed force on each [N], world, (K, 3).
-    :ivar blow: what went beyond it within a period of a wall [N·s], world, (K, 3).
-    :ivar given: force per part that the stress solver knows of [N].
-    :ivar since: time since `given` was looked at [s].
+    :ivar blow: excess over it within a period of a wall [N·s], world, (K, 3).
+    :ivar given: force per part as set in the stress solver [N].
+    :ivar since: time since the last update of `given` [s].
     """
 
     parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
@@ -98,7 +98,7 @@ class Missile:
 
     :ivar size: edges [m].
     :ivar mass: [kg].
-    :ivar ahead: time by which it will have flown on since it bounced in this step [s].
+    :ivar ahead: time of flight after its last bounce in this step [s].
     """
 
     part: int
@@ -111,7 +111,7 @@ class Missile:
 
 @dataclass
 class Wave:
-    """A blast wave on its way: what it gives to which parts, sorted by arrival."""
+    """A travelling blast wave: its impulses on parts, sorted by arrival."""
 
     parts: np.ndarray    # (K,)
     linear: np.ndarray   # [N·s], (K, 3)
@@ -126,11 +126,11 @@ class BlastState:
     """
     Blasts under way.
 
-    :ivar waves: that have not reached everything.
-    :ivar momentum: that waves gave to standing parts lately [N·s], world, (N, 3).
+    :ivar waves: that have not reached all parts.
+    :ivar momentum: recent impulses of waves on standing parts [N·s], world, (N, 3).
     :ivar pulse: duration of the last wave at each part [s], (N,).
-    :ivar passed: when a wave last reached something [s].
-    :ivar single_left: bricks that may still fly singly.
+    :ivar passed: time when a wave last reached a part [s].
+    :ivar single_left: number of bricks that may still fly singly.
     """
 
     momentum: np.ndarray
@@ -143,15 +143,15 @@ class BlastState:
 @dataclass
 class WallWindState:
     """
-    Wind pressure that standing walls feel; see `wall_wind`.
+    Wind pressure on standing walls; see `wall_wind`.
 
-    :ivar next_look: when to look at the wind again [s].
-    :ivar parts: boxes that stood when faces were looked at last, (K,).
-    :ivar exposed: their faces that the wind reaches, (K, 6) bool.
-    :ivar structure: number of the building that each hangs together with, (K,).
+    :ivar next_look: time of the next update [s].
+    :ivar parts: boxes that stood at the last survey of faces, (K,).
+    :ivar exposed: their faces exposed to the wind, (K, 6) bool.
+    :ivar structure: number of the connected building of each, (K,).
     :ivar tops: middle and top of each building [m], (B, 3).
-    :ivar applied: air there that the walls were last told of [m/s], (B, 3).
-    :ivar pressure: follows from what was exposed; None = to be worked out.
+    :ivar applied: wind there that was last applied to the walls [m/s], (B, 3).
+    :ivar pressure: derived from the exposed faces; None = to be computed.
     """
 
     next_look: float = 0.0
@@ -169,15 +169,15 @@ class WallWindState:
 @dataclass
 class IntruderState:
     """
-    A body that is moved from outside.
+    An externally moved body.
 
-    :ivar path: where it goes.
-    :ivar body: id in the world, -1 before it was placed.
-    :ivar start: where it was at the beginning of the step [m], (3,).
+    :ivar path: interpolated target poses.
+    :ivar body: id in the world, -1 before it is placed.
+    :ivar start: its position at the beginning of the step [m], (3,).
     :ivar wrench: force and moment on it in the last step [N], [N·m], world, (6,).
-    :ivar smooth_wrench: the same through a low pass.
-    :ivar from_wall: what standing walls add to it in this step, (6,).
-    :ivar pressed: with what it presses on them [N].
+    :ivar smooth_wrench: the same, low-pass filtered.
+    :ivar from_wall: contribution of standing walls in this step, (6,).
+    :ivar pressed: its force on them [N].
     """
 
     path: PoseInterpolator = field(default_factory=PoseInterpolator)
@@ -192,15 +192,15 @@ class IntruderState:
 @dataclass
 class RubbleState:
     """
-    What rigid bodies did in the last step of the engine, and what still has to be judged.
+    Motion of rigid bodies in the last step of the engine, and pending judgements.
 
     :ivar velocities, poses: of all bodies just before that step, by id, (B, 6), (B, 7).
-    :ivar waiting: blows on pieces that are judged in the next step.
+    :ivar waiting: blows to pieces that are judged in the next step.
     :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
-    :ivar given: wrench of all bodies that the stress solver knows of, (N, 6).
-    :ivar borne: by body, its parts and samples of the contact forces that it bears.
-    :ivar since, unsampled: time since `given` was looked at, and since the last sample [s].
-    :ivar touches: the last step in which it was asked whether bodies touch masonry, and if so.
+    :ivar given: wrench of all bodies as set in the stress solver, (N, 6).
+    :ivar borne: by body, its parts and samples of the contact forces on it.
+    :ivar since, unsampled: time since the update of `given`, and since the last sample [s].
+    :ivar touches: the last step with a test for contact of bodies with masonry, and its result.
     """
 
     moving: np.ndarray
@@ -219,8 +219,8 @@ class GlassState:
     """
     Panes in loose pieces.
 
-    :ivar load: of each pane over what it bears, above 1 = cracked, (P,).
-    :ivar shards: bodies of shards that were awake when last looked at.
+    :ivar load: of each pane over its strength, above 1 = cracked, (P,).
+    :ivar shards: bodies of shards that were awake at the last update.
     """
 
     load: np.ndarray
@@ -237,9 +237,9 @@ class LeafState:
     :ivar left: leaf area left on each part [m²], (N,).
     :ivar next: place of the weakest leaf left in the queue of each row of the forest, (S,).
     :ivar weakest: air speed that tears it off [m/s], (S,).
-    :ivar felt: air at each fallen leaf when it was last asked for [m/s], (K, 3).
-    :ivar turn: which share of the flying leaves asks next.
-    :ivar speed: of the air past each row, workspace [m/s], (S,).
+    :ivar felt: air at each fallen leaf at its last sample [m/s], (K, 3).
+    :ivar turn: share of the flying leaves that is sampled next.
+    :ivar speed: air speed relative to each row, workspace [m/s], (S,).
     :ivar skyline: that the fallen leaves were last lifted onto.
     """
 
@@ -261,7 +261,7 @@ class DustState:
 
     :ivar cloud: all puffs; None = dust is switched off.
     :ivar skyline: that the dust was last lifted onto.
-    :ivar seen, struck: break events and blows of projectiles that have made their dust.
+    :ivar seen, struck: numbers of break events and blows of projectiles converted to dust.
     :ivar watch: motion of fast bodies just before the step of the engine; None = none is fast.
     """
 
@@ -275,11 +275,11 @@ class DustState:
 @dataclass
 class ClimberState:
     """
-    What climbing plants hold on to.
+    Anchors of climbing plants.
 
-    :ivar holds: anchors that have not let go, (K,) bool.
-    :ivar given: forces on what holds them, as walls were last told [N], (K, 3).
-    :ivar fresh: whether walls must be told whatever has changed.
+    :ivar holds: anchors that still hold, (K,) bool.
+    :ivar given: forces on the hosts, as last applied to walls [N], (K, 3).
+    :ivar fresh: whether walls must be loaded again, however small the change.
     """
 
     holds: np.ndarray
@@ -288,18 +288,18 @@ class ClimberState:
 
     @classmethod
     def of(cls, count: int) -> 'ClimberState':
-        """Let so many anchors hold."""
+        """Make the state of `count` anchors, all holding."""
         return cls(np.ones(count, bool), np.zeros((count, 3)))
 
 
 @dataclass
 class SkylineState:
     """
-    The skyline of what stands.
+    The skyline of standing parts.
 
     :ivar drawn: None = to be drawn.
     :ivar standing: parts that it was drawn for, (N,) bool.
-    :ivar looked: when it was last compared with what stands [s].
+    :ivar looked: time of the last comparison with the standing parts [s].
     """
 
     drawn: Skyline | None = None
@@ -310,46 +310,46 @@ class SkylineState:
 @dataclass
 class State:
     """
-    Everything that changes.
+    The complete variable state of a simulation.
 
-    Stages read and write it; nothing else remembers anything between two steps.
+    Stages read and write it; no other object keeps data between two steps.
 
     :ivar parts: columns with a row per part, see `part_columns`.
     :ivar objects: owners of names, in part order.
     :ivar names: of the parts.
     :ivar wind: air velocity anywhere, with the commands that it was given.
     :ivar world: rigid bodies and the engine that moves them.
-    :ivar loose_bonds: bonds of what has left its wall or tree.
-    :ivar solver, fracture: stresses in what stands, and what fails under them.
-    :ivar loads: on what stands, besides its weight.
-    :ivar forest: segments of trees that stand, or fall and bend.
-    :ivar trees: the air at these, and which of them are stepped when.
-    :ivar blasts: waves under way, and what they gave to standing parts.
-    :ivar rubble: what rigid bodies did in the last step of the engine.
+    :ivar loose_bonds: bonds of parts that have left their wall or tree.
+    :ivar solver, fracture: stresses in standing parts, and their failures.
+    :ivar loads: on standing parts, besides their weight.
+    :ivar forest: segments of standing trees, and of falling flexible ones.
+    :ivar trees: the air at these, and their level of detail.
+    :ivar blasts: travelling waves, and their impulses on standing parts.
+    :ivar rubble: motion of rigid bodies in the last step of the engine.
     :ivar glass: loads of panes in loose pieces.
     :ivar leaves: on their branches, in the air and on the ground.
     :ivar dust: likewise.
-    :ivar climbers: what climbing plants hold on to.
+    :ivar climbers: anchors of climbing plants.
     :ivar tree_bounds: bounds of segments and trees, kept from step to step.
-    :ivar steps, time: number of steps made, and simulated time [s].
+    :ivar steps, time: number of steps done, and simulated time [s].
     :ivar cue: number of the scene's next cue.
-    :ivar next_round: when masonry may fail again [s].
-    :ivar iterations: of the stress solver that are left in this step.
-    :ivar observer: who looks; None = nobody.
-    :ivar log: bonds that broke and were not taken yet.
+    :ivar next_round: time of the next round of failures of masonry [s].
+    :ivar iterations: of the stress solver left in this step.
+    :ivar observer: point of view for the level of detail; None = none.
+    :ivar log: broken bonds that were not taken yet.
     :ivar ledger: momentum of blows and charges since the start.
-    :ivar bodies: which bodies of the world carry which parts.
+    :ivar bodies: the parts of each body of the world.
     :ivar contacts: of trees in the last step.
-    :ivar branch_loads: what branches press standing parts with.
+    :ivar branch_loads: loads of branches on standing parts.
     :ivar missiles: projectiles, in the order of their launch.
     :ivar wall_wind: wind pressure on standing walls.
-    :ivar intruders: bodies that are moved from outside, by name.
+    :ivar intruders: externally moved bodies, by name.
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
     :ivar wrenches: lasting force and torque per part [N], [N·m], (6,) each.
-    :ivar skyline: how high what stands reaches.
-    :ivar excluded: pairs of parts that do not meet, see `contact_exclusions`, (K, 2).
+    :ivar skyline: height of standing parts.
+    :ivar excluded: pairs of parts without contact, see `contact_exclusions`, (K, 2).
     :ivar blueprints: parts of the scene and of all that joined since, to be chained.
-    :ivar added: objects that users added and did not remove, where they were placed, by name.
+    :ivar added: objects that users added and did not remove, as placed, by name.
     :ivar removed: names of the objects that users removed.
     """
 
@@ -395,7 +395,7 @@ class State:
 
     @classmethod
     def initial(cls, model: Model) -> 'State':
-        """Make the state of a scene at rest: everything whole, stresses not solved yet."""
+        """Make the state of a scene at rest: undamaged, stresses not solved yet."""
         count, trees, leaves = len(model.blueprint), model.trees, model.leaves
         forest = deepcopy(trees.forest)
         graph = deepcopy(model.masonry.graph)
@@ -428,7 +428,7 @@ class State:
 
     @property
     def standing(self) -> np.ndarray:
-        """Parts that stand frozen where they were built, (N,) bool."""
+        """Parts that still stand where they were built, (N,) bool."""
         return self.parts.owner == Owner.STANDING
 
     @property
@@ -438,13 +438,13 @@ class State:
 
     @property
     def blueprint(self) -> Blueprint:
-        """All parts and bonds that there are by now."""
+        """All parts and bonds, with those that joined."""
         if len(self.blueprints) > 1:
             self.blueprints = [chain(self.blueprints)]
         return self.blueprints[0]
 
     def shown_poses(self) -> np.ndarray:
-        """Give the poses of all parts, until the next step, (N, 7); NaN = the part is gone."""
+        """Return the poses of all parts, until the next step, (N, 7); NaN = the part is gone."""
         gone = self.parts.owner == Owner.GONE
         if not gone.any():
             return self.parts.poses
@@ -452,9 +452,9 @@ class State:
 
     def append(self, model: Model, groups: Sequence[tuple[Blueprint, str]]) -> list[int]:
         """
-        Append parts without bonds; the caller gives them their bodies.
+        Append parts without bonds; the caller assigns their bodies.
 
-        :param groups: parts and the name of the object that they make, once per step for all.
+        :param groups: parts and the name of their object, once per step for all.
         :returns: the first part of each object.
         """
         if not groups:
@@ -477,7 +477,7 @@ class State:
 
 
 def _still_to_come(wind: Wind) -> Wind:
-    """Copy a wind without its commands; the eddies, which never change, are shared."""
+    """Copy a wind without its commands; the eddies, which are constant, are shared."""
     fresh = copy(wind)
     fresh.reset()
     return fresh

@@ -23,15 +23,15 @@ from procphys_ros.simulation.contact_forces import Blow, BodyContacts, turned_ba
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_INTERVAL = 0.05  # [s] between looks at contacts: reading them is expensive
+_INTERVAL = 0.05  # [s] between samples of contacts: reading them is expensive
 _LONG = 1.5       # [m] radius of pieces that may break so: a piece that rests on its middle bears
 #                   3·ρ·g·l²/h, some 60 kPa per metre for l = h, and mortar 0.1 MPa and more
-_PRESSED = 1e5    # [N] that normal forces on a piece of any size add up to, those below and those
-#                   above, from which on it is judged: 5 t go through it
-_BORNE = 10.0     # of its own weight that they do so, too: less is little more than its weight
-_SHARE = 0.1      # of the weight of all that moves, likewise: few pieces can bear that much
-_SAMPLES = 5      # whose mean counts as lasting: 0.25 s are some periods of a storey-high wall,
-#                   and single steps of the engine tremble
+_PRESSED = 1e5    # [N] sum of normal forces on a piece of any size, from below and above, from
+#                   which on it is judged: 5 t go through it
+_BORNE = 10.0     # of its own weight, likewise: less is little more than its weight
+_SHARE = 0.1      # of the weight of all moving bodies, likewise: few pieces can carry that much
+_SAMPLES = 5      # in a lasting mean: 0.25 s are some periods of a storey-high wall, and single
+#                   steps of the engine are noisy
 
 
 def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
@@ -39,15 +39,15 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
     """
     List the pieces that lasting contact forces, from below and above, might break.
 
-    A piece that a heap stops little by little was never hit, but may rest on a few points, and a
-    storey may come to stand on a few bricks. The mean of the contact forces of a piece is a blow
-    that lasts, and takes nothing from the motion: with the weight, and the inertia of what still
-    moves, it is in balance.
+    A piece that a heap decelerates gradually was never hit, but may rest on a few points, and a
+    storey may come to rest on a few bricks. The mean of the contact forces on a piece is a blow
+    that lasts, and absorbs none of the motion: it is in balance with the weight and the inertia of
+    the moving parts.
 
     Writes `state.rubble.borne`.
 
-    :param struck: bodies whose blows are judged by themselves, by id, (B,) bool.
-    :param grain: parts of the smallest pieces that there is room for.
+    :param struck: bodies whose blows are judged separately, by id, (B,) bool.
+    :param grain: number of parts of the smallest pieces within the budget.
     """
     own, known = state.rubble, state.bodies
     own.unsampled += dt
@@ -73,13 +73,13 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
 
 def _pressed(model: Model, state: State, awake: np.ndarray, dt: float) -> np.ndarray:
     """
-    List the pieces that bear far more than their own weight, however small they are.
+    List the pieces that carry far more than their own weight, however small they are.
 
-    What is pressed hard trembles, and counts as struck in most steps: that is no reason to wait.
+    A heavily loaded piece jitters, and counts as struck in most steps: that must not delay it.
     """
     weight = state.world.bodies.mass[awake] * model.gravity
     if 2.0 * weight.sum() < _PRESSED:
-        return awake[:0]  # there is not enough in motion to press so hard
+        return awake[:0]  # the moving bodies are too light
     contacts, several = state.world.contacts(), state.bodies.size[awake] > 1
     force = np.zeros(len(state.world.bodies.state))
     for side in (contacts.body_a, contacts.body_b):
@@ -90,7 +90,7 @@ def _pressed(model: Model, state: State, awake: np.ndarray, dt: float) -> np.nda
 
 
 def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContacts]:
-    """Give the contact forces of the last step on each of some bodies, in its own frame."""
+    """Return the contact forces of the last step on each of some bodies, in its own frame."""
     if not len(chosen):
         return []
     contacts, start = state.world.contacts().both_ways(), state.rubble.poses
@@ -106,6 +106,6 @@ def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContac
 
 
 def _mean(samples: tuple[BodyContacts, ...]) -> BodyContacts:
-    """Give contacts with the mean of the forces of all samples."""
+    """Return contacts with the mean of the forces of all samples."""
     points, normals, forces, other = (np.concatenate(column) for column in zip(*samples))
     return BodyContacts(points, normals, forces / len(samples), other)

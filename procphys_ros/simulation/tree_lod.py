@@ -24,30 +24,30 @@ from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.simulation.observer import Observer
 
 REST_ENERGY = 5e-7  # [J/kg] of a tree that counts as quiet: 1 mm/s of its whole mass
-REST_TIME = 2.0     # [s] how long it must be quiet, half a period of the slowest trees
-BREEZE = 0.2        # [m/s] air that moves a tree less than this counts as still
-LINGER = 0.5        # [s] how long trees go on that have left the view, lest the edge flicker
-ROUSED = 10.0       # [s] how long at most an unseen tree goes on after it was hit
-_SWAY = 1.15        # room for sway in the spheres around trees
+REST_TIME = 2.0     # [s] of quiet before rest, half a period of the slowest trees
+BREEZE = 0.2        # [m/s] wind that moves a tree less than this counts as still
+LINGER = 0.5        # [s] that trees outside the view are still stepped: its edge must not flicker
+ROUSED = 10.0       # [s] that an unseen tree is simulated after a hit, at most
+_SWAY = 1.15        # margin for sway in the bounding spheres of trees
 _EDGES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0],
-                   [0.0, -1.0, 0.0]])  # of a sphere, where the wind of a sleeping tree is felt
+                   [0.0, -1.0, 0.0]])  # of a sphere, where the wind at a sleeping tree is sampled
 
 
 class LodScheduler:
     """
-    Keeps, for every tree, the clocks that decide when it is stepped.
+    Schedule the steps of every tree.
 
-    Columns follow the trees of the forest's plan; they are carried over when trees break.
+    Columns follow the trees of the forest's plan; they are kept when trees break.
 
     :param settings: schemes in use.
     :param forest: the trees at rest.
 
-    :ivar now: number of the step that comes.
-    :ivar due: step at which each tree goes on next, (T,) int.
-    :ivar steps: number of time steps that it last went in one, (T,) int.
+    :ivar now: number of the next step.
+    :ivar due: number of each tree's next step, (T,) int.
+    :ivar steps: number of time steps in its last step, (T,) int.
     :ivar asleep: whether it rests in still air, (T,) bool.
-    :ivar held: whether it stands still, asleep or unseen, (T,) bool.
-    :ivar roused: for how long it is simulated though unseen [s], (T,).
+    :ivar held: whether it is not stepped, asleep or unseen, (T,) bool.
+    :ivar roused: remaining time of its simulation while unseen [s], (T,).
     :ivar since: time since it came back into the view [s], (T,); infinite = it never left.
     """
 
@@ -76,7 +76,7 @@ class LodScheduler:
         self.update_trees(forest)
 
     def update_trees(self, forest: Forest) -> None:
-        """Find out which trees there are, when branches have come off."""
+        """Update the list of trees, after branches have come off."""
         plan = forest.plan
         if plan is self._plan:
             return
@@ -94,7 +94,7 @@ class LodScheduler:
         self.enclose(forest)
 
     def of_rows(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
-        """Give the trees that rows belong to, without those that are no trees any more."""
+        """Return the trees that rows belong to, without inactive rows."""
         rows = rows[forest.active[rows]]
         return np.unique(np.searchsorted(self._roots, forest.roots(rows)))
 
@@ -114,11 +114,11 @@ class LodScheduler:
         Choose the trees to step, to stop and to start.
 
         :param forest: the trees.
-        :param observer: who looks; None = nobody, and all trees count as seen and near.
-        :param wind: wakes those that sleep.
+        :param observer: point of view; None = all trees count as seen and near.
+        :param wind: wakes sleeping trees.
         :param time: [s].
-        :returns: trees that go on, those of them that stood still before though it was not
-            because they slept, and those that stop.
+        :returns: trees to step, those of them that were stopped before without being asleep, and
+            trees to stop.
         """
         self.wake(self.of_rows(forest, forest.take_disturbed()))
         slept = self.asleep.copy()
@@ -137,10 +137,10 @@ class LodScheduler:
 
     def stride(self, observer: Observer | None, trees: np.ndarray) -> np.ndarray:
         """
-        Set how many time steps trees go now, spread so that as many are due at every step.
+        Set the number of time steps per step of trees, staggered so that equal numbers are due.
 
-        :param observer: who looks.
-        :param trees: that go on, (K,).
+        :param observer: point of view.
+        :param trees: trees to step, (K,).
         :returns: (K,) int.
         """
         most, interval = self._settings.far_interval, np.ones(len(trees), np.int64)
@@ -156,10 +156,10 @@ class LodScheduler:
     def elapse(self, forest: Forest, trees: np.ndarray, air: np.ndarray,
                time_step: float) -> None:
         """
-        Let a step pass, and see which of the trees that went on have come to rest.
+        Advance the clocks by a step, and find the stepped trees that have come to rest.
 
         :param forest: the trees.
-        :param trees: that went on.
+        :param trees: stepped ones.
         :param air: at every row, (S, 3) [m/s].
         :param time_step: [s].
         """
@@ -183,7 +183,7 @@ class LodScheduler:
             self.asleep[trees[rests & calm & ~self._free[trees]]] = True
 
     def shown_shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give the trees whose shown poses change with this step, and how far they have come."""
+        """Return the trees whose shown poses change in this step, and their interpolation shares."""
         begun = self.due - self.steps
         trees = np.flatnonzero(self.due >= self.now)
         return trees, (self.now - begun[trees]) / self.steps[trees]
@@ -194,7 +194,7 @@ class LodScheduler:
         return observer.sees(self._centre, self._radius)
 
     def _wake_in_wind(self, wind: Wind, time: float) -> None:
-        """Wake the sleeping trees that feel a wind at their tops or edges."""
+        """Wake the sleeping trees with wind at their tops or edges."""
         trees = np.flatnonzero(self.asleep)
         if not len(trees) or not wind.enabled:
             return
@@ -212,7 +212,7 @@ class LodScheduler:
         return np.maximum.reduceat(square, first) <= BREEZE * BREEZE
 
     def enclose(self, forest: Forest) -> None:
-        """Put a sphere around each tree as it stands now."""
+        """Compute the bounding sphere of each tree in its present pose."""
         plan, poses = forest.plan, forest.poses[forest.plan.row, :3]
         first = plan.start[:-1]
         if not len(first):

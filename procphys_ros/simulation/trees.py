@@ -24,15 +24,15 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
-_BLEND = 2.0  # [s] over which a tree that comes back into the view goes over to the present wind
+_BLEND = 2.0  # [s] in which a tree that comes back into view changes over to the present wind
 
 
 def sample_wind(model: Model, state: State, dt: float) -> None:
     """
     Sample the air at the trees that are stepped now; writes `state.trees`.
 
-    Without level of detail all trees are. With it, a tree that stands still keeps its pose to the
-    bit and loses its velocity.
+    Without level of detail these are all trees. With it, a tree that is not stepped keeps its pose
+    to the bit and loses its velocity.
     """
     trees, forest = state.trees, state.forest
     if trees.lod is not None:
@@ -47,14 +47,14 @@ def sample_wind(model: Model, state: State, dt: float) -> None:
 
 
 def movers(state: State) -> np.ndarray:
-    """List the trees, places in the forest's plan, that may move in the step to come."""
+    """List the trees, places in the forest's plan, that may move in the next step."""
     if state.trees.lod is None:
         return np.arange(len(state.forest.plan.start) - 1)
     return np.flatnonzero(~state.trees.lod.held)
 
 
 def wake_touched(model: Model, state: State, dt: float) -> None:
-    """Wake trees that are touched by what moves; others may lean and rest as they stand."""
+    """Wake trees in contact with moving bodies; others may lean and rest as they stand."""
     lod, forest, contacts = state.trees.lod, state.forest, state.contacts
     if lod is None or not len(contacts):
         return
@@ -69,10 +69,10 @@ def wake_touched(model: Model, state: State, dt: float) -> None:
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Advance the trees in the air that was sampled; writes `state.forest`.
+    Advance the trees in the sampled air; writes `state.forest`.
 
-    With level of detail a far tree is stepped ahead of time; what is shown lies on the way
-    between, so that it neither lags nor jumps.
+    With level of detail a distant tree is stepped ahead of time; its shown pose is interpolated,
+    so that it neither lags nor jumps.
     """
     trees, forest = state.trees, state.forest
     if trees.lod is None:
@@ -87,7 +87,7 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def write_poses(model: Model, state: State, dt: float) -> None:
-    """Write where the segments of standing and falling trees are; writes poses and velocities."""
+    """Write the poses and velocities of the segments of standing and falling trees."""
     forest, parts = state.forest, state.parts
     if state.trees.lod is not None:
         state.trees.lod.update_trees(forest)
@@ -104,7 +104,7 @@ def write_poses(model: Model, state: State, dt: float) -> None:
 
 
 def _choose(model: Model, state: State) -> None:
-    """Add to the chosen trees those that were not chosen before in this step."""
+    """Add to the chosen trees those not chosen before in this step."""
     trees, forest = state.trees, state.forest
     assert trees.lod is not None
     found, back, stops = trees.lod.choose(forest, state.observer, state.wind, state.time)
@@ -128,7 +128,7 @@ def _choose(model: Model, state: State) -> None:
 
 @kernel
 def _scatter(parts, active, rows, out):
-    """Write the active rows to where their parts are."""
+    """Copy the active rows to their parts."""
     for i in range(len(parts)):
         if active[i]:
             out[parts[i]] = rows[i]

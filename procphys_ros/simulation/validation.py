@@ -26,16 +26,16 @@ from procphys_ros.errors import CommandError
 from procphys_ros.linear import norm
 from procphys_ros.schema import short
 
-_LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers run away
+_LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers diverge
 
 
 def checked_vector(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
     """
-    Turn a command's numbers into a vector (3,).
+    Convert a command's numbers to a vector (3,).
 
     :param what: their name, for the message.
-    :param value: as the command gave them.
-    :raises CommandError: when there are not three, or one is not finite or too large.
+    :param value: as in the command.
+    :raises CommandError: if there are not three, or one is not finite or too large.
     """
     vector = _row(value)
     if vector.shape != (3,):
@@ -49,11 +49,11 @@ def checked_vector(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray
 
 def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
     """
-    Turn a command's numbers into a unit quaternion xyzw, (4,).
+    Convert a command's numbers to a unit quaternion xyzw, (4,).
 
     :param what: their name, for the message.
-    :param value: as the command gave them.
-    :raises CommandError: when there are not four, one is not finite, or all are zero.
+    :param value: as in the command.
+    :raises CommandError: if there are not four, one is not finite, or all are zero.
     """
     turn = _row(value)
     if turn.shape != (4,) or not np.isfinite(turn).all():
@@ -66,7 +66,7 @@ def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarr
 
 
 def checked_pose(what: str, value: Sequence[float]) -> np.ndarray:
-    """Turn a command's numbers into a pose (7,); else as `checked_rotation`."""
+    """Convert a command's numbers to a pose (7,); raises as `checked_rotation`."""
     pose = _row(value)
     if pose.shape != (7,):
         raise CommandError(f'{what}: {short(value)} is not a pose of seven numbers')
@@ -75,7 +75,7 @@ def checked_pose(what: str, value: Sequence[float]) -> np.ndarray:
 
 
 def checked_twist(value: Sequence[float]) -> np.ndarray:
-    """Turn a command's numbers into velocity and spin (6,); else as `checked_vector`."""
+    """Convert a command's numbers to velocity and spin (6,); raises as `checked_vector`."""
     twist = _row(value)
     if twist.shape != (6,):
         raise CommandError(f'twist: {short(value)} is not six numbers')
@@ -84,28 +84,28 @@ def checked_twist(value: Sequence[float]) -> np.ndarray:
 
 
 def checked_number(what: str, value: Any) -> float:
-    """Take a finite number, or raise `CommandError`."""
+    """Return a finite number, or raise `CommandError`."""
     if not isinstance(value, numbers.Real) or not math.isfinite(value):
         raise CommandError(f'{what} is {short(value)}, it must be a finite number')
     return float(value)
 
 
 def checked_count(what: str, value: Any) -> int:
-    """Take a whole number from 0 on, or raise `CommandError`."""
+    """Return an integer of 0 or more, or raise `CommandError`."""
     if not isinstance(value, numbers.Integral) or value < 0:
         raise CommandError(f'{what} is {short(value)}, it must be a whole number, 0 or more')
     return int(value)
 
 
 def checked_switch(what: str, value: Any) -> bool:
-    """Take True or False, or raise `CommandError`: the text 'off' would count as true."""
+    """Return True or False, or raise `CommandError`: the text 'off' would count as true."""
     if not isinstance(value, (bool, np.bool_)):
         raise CommandError(f'{what} is {short(value)}, it must be True or False')
     return bool(value)
 
 
 def _row(value: Sequence[float] | np.ndarray) -> np.ndarray:
-    """Read numbers; empty if they are none."""
+    """Convert numbers to an array; empty if they are invalid."""
     try:
         return np.array(value, float)
     except (TypeError, ValueError):

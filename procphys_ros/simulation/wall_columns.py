@@ -20,20 +20,20 @@ import numpy as np
 from procphys_ros.linear import norm
 from procphys_ros.simulation.state import State
 
-_PRESSED = 0.7  # cosine between a push and a joint, from which the joint hands it on
+_PRESSED = 0.7  # cosine between an impulse and a joint's normal, least for its transmission
 _DEEPEST = 4    # leaves of a wall that move as one
 
 
 def spread(state: State, impulses: np.ndarray, peaks: np.ndarray) -> np.ndarray:
     """
-    Spread impulses on standing parts over the thickness of their walls.
+    Distribute impulses on standing parts over the thickness of their walls.
 
-    A stress wave crosses a wall in a tenth of a millisecond, so that what lies behind a part in
-    the direction of its impulse moves off with it, at one velocity.
+    A stress wave crosses a wall in a tenth of a millisecond, so that the parts behind another in
+    the direction of its impulse move off with it, at one velocity.
 
     :param impulses: on all parts of buildings [N·s], world, (N, 3).
     :param peaks: largest force on each [N], (N,).
-    :returns: impulses and peaks of what moves together, (N, 4).
+    :returns: impulses and peaks of jointly moving parts, (N, 4).
     """
     graph, count = state.solver.graph, len(impulses)
     given = np.column_stack([impulses, peaks])
@@ -65,7 +65,7 @@ def spread(state: State, impulses: np.ndarray, peaks: np.ndarray) -> np.ndarray:
 
 def _pressed(front: np.ndarray, back: np.ndarray, normal: np.ndarray, area: np.ndarray,
              impulses: np.ndarray) -> np.ndarray:
-    """Choose the joints, by the parts before and behind them, that hand an impulse on."""
+    """Select the joints that transmit an impulse, given the parts in front of and behind them."""
     size = norm(impulses, axis=1, keepdims=True)
     way = impulses / np.where(size > 0.0, size, 1.0)
     chosen = np.zeros(len(front), bool)

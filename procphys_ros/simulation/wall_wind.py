@@ -23,10 +23,10 @@ from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State, WallWindState
 
-_INTERVAL = 0.25     # [s] between looks at the wind
-_BREEZE = 60.0       # [Pa] dynamic pressure, 10 m/s, which walls stand without being asked
+_INTERVAL = 0.25     # [s] between checks of the wind
+_BREEZE = 60.0       # [Pa] dynamic pressure, 10 m/s, that walls withstand without a check
 _CHANGE = 0.25       # of the dynamic pressure that was last applied
-_GONE = 0.02         # share of the standing parts whose loss calls for a new look at the faces
+_GONE = 0.02         # share of lost standing parts that requires a new survey of the faces
 _LAYER = 'wind'
 
 
@@ -34,10 +34,10 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     Apply the pressure of the wind to buildings; writes `state.wall_wind` and loads.
 
-    Each building feels the air at its top as a whole (EN 1991-1-4, 7.2.2: the reference height of
-    walls no higher than wide; it overrates the lower storeys of towers). Eddies smaller than a
-    building press on parts of it at different times, which codes leave out as well. The air inside
-    takes the pressure that its openings let in: panes, doors and walls that are gone.
+    Each building is loaded as a whole by the wind at its top (EN 1991-1-4, 7.2.2: the reference
+    height of walls no higher than wide; it overestimates the load of lower storeys of towers).
+    Eddies smaller than a building load parts of it at different times, which codes neglect as
+    well. The pressure inside follows from its openings: missing panes, doors and walls.
     """
     own = state.wall_wind
     if state.time < own.next_look - 1e-9:
@@ -46,7 +46,7 @@ def step(model: Model, state: State, dt: float) -> None:
     if not standing.any():
         return
     own.next_look = state.time + _INTERVAL
-    if state.wind.is_still(state.time):  # whatever the outsides are
+    if state.wind.is_still(state.time):  # for any exposed faces
         _leave(state)
         return
     lost = bool(not len(own.parts)
@@ -66,13 +66,13 @@ def step(model: Model, state: State, dt: float) -> None:
 
 
 def _leave(state: State) -> None:
-    """Remove the loads of the wind from all walls."""
+    """Remove the wind loads from all walls."""
     state.wall_wind.applied = np.zeros_like(state.wall_wind.applied)
-    state.loads.remove_layer(_LAYER)  # also where a survey has just forgotten what was applied
+    state.loads.remove_layer(_LAYER)  # even if a survey has just reset `applied`
 
 
 def _survey(model: Model, state: State, standing: np.ndarray) -> None:
-    """Find the outsides of what stands, and the top of each building."""
+    """Find the exposed faces of standing parts, and the top of each building."""
     source, own = model.blueprint, state.wall_wind
     own.parts = np.flatnonzero(standing & (source.shape == Shape.BOX))
     poses = source.poses[own.parts]
@@ -87,7 +87,7 @@ def _survey(model: Model, state: State, standing: np.ndarray) -> None:
 
 
 def _press(model: Model, state: State, standing: np.ndarray) -> None:
-    """Apply the pressure of the last air, inside according to the present openings."""
+    """Apply the pressure of the last wind, inside according to the present openings."""
     walls, own = model.masonry, state.wall_wind
     exposed = np.zeros((len(standing), 6), bool)
     exposed[own.parts] = own.exposed
@@ -106,7 +106,7 @@ def _press(model: Model, state: State, standing: np.ndarray) -> None:
 
 
 def _place_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
-    """Give the structure that lost parts belonged to, or what is left of it."""
+    """Return the structure that lost parts belonged to, or its remains."""
     place = np.zeros(int(building.max(initial=0)) + 1, np.intp)
     place[building[own.parts]] = own.structure
     return place[building[gone]]

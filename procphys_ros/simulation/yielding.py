@@ -36,15 +36,14 @@ _FAINT = 1e-9  # [N·s] keeps directions finite
 
 class Pushes(NamedTuple):
     """
-    Blows on standing parts that go about the same way at the same time.
+    Blows on standing parts in about the same direction at the same time.
 
     :ivar direction: unit vector, world, (3,).
-    :ivar striker: number of the body in each contact, from 0, (K,).
-    :ivar part: that it strikes there, (K,).
+    :ivar striker: number of the striking body in each contact, from 0, (K,).
+    :ivar part: struck part, (K,).
     :ivar force: mean over its contact time, along the direction [N], (K,).
     :ivar impulse: along the direction [N·s], (K,).
-    :ivar energy: that all contacts of these bodies, and of those behind them, take from the
-        motion [J].
+    :ivar energy: dissipated by all contacts of these bodies, and of those behind them [J].
     """
 
     direction: np.ndarray
@@ -58,13 +57,13 @@ class Pushes(NamedTuple):
 def judge(model: Model, state: State, others: Sequence[Callable[[], object]], rows: np.ndarray,
           poses: np.ndarray, velocities: np.ndarray, duration: float) -> None:
     """
-    Release the standing parts that the contacts of one look of the engine drive out.
+    Release the standing parts that the contacts found by one query of the engine drive out.
 
-    The engine takes what stands for immovable. Where it cannot be, bodies get back what it did not
-    take from them, and meet in the next look what has come out, which is at rest until then.
+    The engine treats standing parts as immovable. Where they give way, bodies get back the excess
+    of their impulse, and meet the released parts, at rest until then, in the next query.
     Writes `rows`, bodies, parts, bonds and loads.
 
-    :param others: wait for the end of what else goes on meanwhile, and reads what stands.
+    :param others: wait for parallel work that reads standing parts.
     :param rows, poses, velocities, duration: see `Looked`.
     """
     pairs = rows[:, :2].astype(np.intp)
@@ -91,7 +90,7 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
     found, leaves = [], np.zeros(len(state.parts.owner), bool)
     for pushes in _alike(made, np.flatnonzero(hits[near]), standing[near], group):
         for out, blow in _exits(state, pushes):
-            if not leaves[out.parts].any():  # else the next look judges what is left
+            if not leaves[out.parts].any():  # else the next query judges the rest
                 found.append((out, blow))
                 leaves[out.parts] = True
     if not found:
@@ -106,10 +105,10 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
 def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
            group: np.ndarray) -> Iterator[Pushes]:
     """
-    Sort blows by their directions: bodies that push the same way do so together.
+    Group blows by direction: bodies that push the same way do so together.
 
     :param hits: contacts with standing parts, (K,).
-    :param standing: part that each body of a contact is, -1 for what does not stand, (C, 2).
+    :param standing: standing part of each body of a contact, -1 for others, (C, 2).
     :param group: number of the group of each body, see `group_bodies`, (B,).
     """
     contacts, first = made.contacts, standing[hits, 0] >= 0
@@ -137,7 +136,7 @@ def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
 
 
 def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry.Strike]]:
-    """List what blows drive out: what they push harder, and with more energy, than it bears."""
+    """List the releases by blows: parts with less strength in force and energy than the blow."""
     _, striker = np.unique(pushes.striker, return_inverse=True)
     force = np.maximum(np.bincount(striker, pushes.force), 0.0)
     momentum = float(pushes.impulse.sum())
@@ -160,7 +159,7 @@ def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry
 
 def _release(model: Model, state: State,
              found: list[tuple[masonry.Exit, masonry.Strike]]) -> None:
-    """Release parts from rest, and pass on what their bonds have borne."""
+    """Release parts from rest, and apply the reaction of their bonds to the neighbours."""
     for out, blow in found:
         masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
                                      out.passed_on * blow.direction,
