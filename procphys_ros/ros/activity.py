@@ -19,9 +19,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from time import monotonic
 
-_LONG = 1.0  # [s] after which work is worth a line
+_LONG = 1.0  # [s] after which work is reported
 _INTERVAL = 5.0  # [s] between lines about the same work
-_SHORT = 0.05  # [s] below which a share of it is not
+_SHORT = 0.05  # [s] below which a share of it is not reported
 
 
 @dataclass(frozen=True)
@@ -33,10 +33,10 @@ class _Stage:
 
 class Activity:
     """
-    Listens to the progress of one thread, and tells others of it.
+    Track the progress of one thread for other threads.
 
-    :param clock: gives steady real time [s].
-    :ivar last: what took long as a whole and was done last, how long, and what most of it was.
+    :param clock: returns steady real time [s].
+    :ivar last: summary of the last long work: its duration, and that of its stages.
     """
 
     def __init__(self, clock: Callable[[], float] = monotonic):
@@ -47,7 +47,7 @@ class Activity:
         self._counts: Counter[str] = Counter()
 
     def begin(self, name: str, detail: str) -> None:
-        """Take up that a stage begins; in the thread that works."""
+        """Record the beginning of a stage; in the working thread."""
         if not self._stages:
             self._seconds.clear()
             self._counts.clear()
@@ -55,7 +55,7 @@ class Activity:
         self._stages = (*self._stages, _Stage(name, detail, self._clock()))
 
     def end(self) -> None:
-        """Take up that the newest stage ends; in the thread that works."""
+        """Record the end of the newest stage; in the working thread."""
         last = self._stages[-1]
         self._stages = self._stages[:-1]
         if last.name not in [stage.name for stage in self._stages]:  # kernels call kernels
@@ -65,12 +65,12 @@ class Activity:
 
     @property
     def seconds(self) -> float:
-        """Give how long the whole has taken so far [s]; 0 = nothing is done."""
+        """Return the duration of the work so far [s]; 0 = none is under way."""
         stages = self._stages
         return self._clock() - stages[0].began if stages else 0.0
 
     def now(self) -> str:
-        """Say what is done now, for how long, and how far it is; '' = nothing."""
+        """Describe the present work, its duration and its progress; '' = none."""
         stages = self._stages
         if not stages:
             return ''
@@ -95,10 +95,10 @@ class Activity:
 
 class LongWork:
     """
-    Says what takes long: after a second, every few seconds, and when it is done.
+    Report long work: after a second, every few seconds, and when it is done.
 
-    :param activity: to look at.
-    :param say: told each line.
+    :param activity: to be reported.
+    :param say: called with each line.
     """
 
     def __init__(self, activity: Activity, say: Callable[[str], None]):
@@ -108,9 +108,9 @@ class LongWork:
         self._before = 0.0
 
     def look(self) -> None:
-        """Say what there is to say now."""
+        """Report the work if that is due."""
         seconds = self._activity.seconds
-        if seconds < self._before:  # what took long has ended, whatever goes on now
+        if seconds < self._before:  # the long work has ended, whatever is under way now
             if self._next > _LONG:
                 self._say(self._activity.last)
             self._next = _LONG

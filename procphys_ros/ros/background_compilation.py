@@ -22,20 +22,20 @@ from threading import Thread
 
 from procphys_ros.compilation.overloads import is_complete
 
-_END = 0.3  # [s] that the child gets to end, before it is killed
+_END = 0.3  # [s] in which the child must end before it is killed
 
 
 class BackgroundCompilation:
     """
-    Compiles kernels in a child process, first those that the node itself waits for.
+    Compile kernels in a child process, first those that the node itself waits for.
 
     The child shares the work before the first poses with the node, from the other end, at normal
-    priority, and goes on with what no simulation has needed yet at low priority: for this the
-    simulation does not wait, but compiles what it calls and is not there yet. Nothing is started
-    when the cache is complete.
+    priority, and continues at low priority with kernels that no simulation has needed yet: the
+    simulation does not wait for these, but compiles any missing one at its call. Nothing is
+    started when the cache is complete.
 
-    :param say: told when the child begins and when it has ended.
-    :ivar progress: of the child, such as '17/120 physics.trees.passes.step'; '' = it is done.
+    :param say: called when the child begins and when it has ended.
+    :ivar progress: of the child, such as '17/120 physics.trees.passes.step'; '' = none.
     """
 
     def __init__(self, say: Callable[[str], None]):
@@ -44,12 +44,12 @@ class BackgroundCompilation:
         self.progress = ''
 
     def start(self) -> None:
-        """Begin, when there is something to compile."""
+        """Start the child if any kernel is to be compiled."""
         if not is_complete():
             self._start()
 
     def close(self) -> None:
-        """End the child; what it has compiled so far is kept."""
+        """Terminate the child; kernels compiled so far are kept."""
         child, self._child = self._child, None
         if child is None:
             return
@@ -70,7 +70,7 @@ class BackgroundCompilation:
         Thread(target=self._follow, args=(self._child,), name='compilation', daemon=True).start()
 
     def _follow(self, child: subprocess.Popen) -> None:
-        """Read what the child says until it ends."""
+        """Read the progress of the child until it ends."""
         assert child.stdout is not None
         last = ''
         for line in child.stdout:

@@ -36,9 +36,9 @@ BUILDING = 'building the scene'
 
 class Builder:
     """
-    Builds one scene at a time.
+    Build one scene at a time.
 
-    :ivar activity: what is being done, and how far it is.
+    :ivar activity: progress of the work.
     """
 
     def __init__(self) -> None:
@@ -51,11 +51,11 @@ class Builder:
         """
         Start building.
 
-        :param parameters: nested mapping that describes the scene.
-        :param bounds: of the files that it names.
+        :param parameters: nested mapping, the description of the scene.
+        :param bounds: of the files in it.
         :param done: called with the simulation, in another thread.
-        :param failed: called with what was raised or, when it is cancelled, with CommandError.
-        :raises CommandError: when another scene is being built.
+        :param failed: called with the exception raised or, after cancelling, with CommandError.
+        :raises CommandError: if another scene is being built.
         """
         if self._job is not None and self._job.is_wanted:
             raise CommandError('another scene is being built; ~/cancel_reload ends that')
@@ -63,15 +63,15 @@ class Builder:
 
     def cancel(self) -> None:
         """
-        Give up what is being built.
+        Cancel the scene being built.
 
-        :raises CommandError: when nothing is.
+        :raises CommandError: if there is none.
         """
         if self._job is None or not self._job.cancel():
             raise CommandError('no scene is being built')
 
     def stop(self, patience: float) -> bool:
-        """Give up what is being built, wait some time [s], and say whether it has ended."""
+        """Abandon the scene being built, wait some time [s], and return whether work has ended."""
         if self._job is None:
             return True
         self._job.abandon()
@@ -79,14 +79,14 @@ class Builder:
 
 
 class _Cancelled(BaseException):
-    """Ends the work of a job nobody waits for any more; passes what catches errors."""
+    """Stops the work of an abandoned job; not caught by handlers of errors."""
 
 
 class _Job:
     """
     The building of one scene.
 
-    :param before: a job that may not have noticed yet that it was cancelled.
+    :param before: previous job, which may still be running after it was cancelled.
     """
 
     def __init__(self, parameters: Mapping[str, Any], bounds: FileBounds,
@@ -103,32 +103,32 @@ class _Job:
         self._thread.start()
 
     def cancel(self) -> bool:
-        """Cancel the building; False when it is too late for that."""
+        """Cancel the building; return False if it is too late."""
         if not self.abandon():
             return False
         self._failed(CommandError('cancelled'))
         return True
 
     def abandon(self) -> bool:
-        """Have nobody told of the scene; False when somebody was already."""
+        """Suppress the callbacks of the job; return False if one was called already."""
         with self._lock:
             first, self.is_wanted = self.is_wanted, False
         return first
 
     def ended(self, patience: float) -> bool:
-        """Wait for the end, and say whether it has come."""
+        """Wait for the end, and return whether it was reached."""
         self._thread.join(patience)
         return not self._thread.is_alive()
 
     def begin(self, name: str, detail: str) -> None:
-        """Take up a stage, as a listener to progress."""
-        # Not while numba compiles: it would be left half way.
+        """Record a stage, as a listener to progress."""
+        # Not while numba compiles, which must not be interrupted.
         if not self.is_wanted and name != COMPILING:
             raise _Cancelled
         self._activity.begin(name, detail)
 
     def end(self) -> None:
-        """Take up the end of a stage, as a listener to progress."""
+        """Record the end of a stage, as a listener to progress."""
         self._activity.end()
 
     def _run(self, before: '_Job | None') -> None:
@@ -156,13 +156,13 @@ class _Job:
 
 
 def _prepare(simulation: Simulation) -> None:
-    """Compute beside the first steps what a first explosion near buildings would wait for."""
+    """Precompute, beside the first steps, data for a first explosion near buildings."""
     masonry = simulation.model.masonry
     if masonry.members.any():
         _ = masonry.skin, scipy.ndimage, scipy.spatial
 
 
 def _draw_eddies(parameters: Mapping[str, Any]) -> None:
-    """Draw the eddies of a scene, half a second that no step is to take; winds share them."""
+    """Draw the eddies of a scene, which takes half a second; winds share them."""
     settings = read_settings(parameters)
     Wind(settings.wind, settings.seed).prepare()

@@ -37,9 +37,9 @@ _SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'
 
 def main(words: Sequence[str] | None = None) -> int:
     """
-    Carry out one command line.
+    Execute one command line.
 
-    :param words: behind the command's name; None = the process's own.
+    :param words: after the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 refused, 2 invalid usage, 3 no node found.
     """
     words = sys.argv[1:] if words is None else list(words)
@@ -64,8 +64,8 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _talk(said: argparse.Namespace, ros_words: Sequence[str]) -> int:
-    """Find the node, speak, and print what it answers."""
-    # Late, because it takes half a second that help and completion need not wait for.
+    """Find the node, send the command, and print the answer."""
+    # Late, because it takes half a second, which help and completion need not wait for.
     import rclpy
     from rclpy.signals import SignalHandlerOptions
 
@@ -86,7 +86,7 @@ def _talk(said: argparse.Namespace, ros_words: Sequence[str]) -> int:
     except NoNodeError as error:
         print(f'command: {error}', file=sys.stderr)
         return _NOT_FOUND
-    except BrokenPipeError:  # the reader of a pipe, such as head, has had enough
+    except BrokenPipeError:  # the reader of a pipe, such as head, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return _DONE
     finally:
@@ -105,7 +105,7 @@ def _wind(remote: Any, said: argparse.Namespace) -> None:
 
 
 def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
-    """Set the parameters that were given, and call the service that reads them."""
+    """Set the given parameters, and call the service that reads them."""
     def carry_out(remote: Any, said: argparse.Namespace) -> None:
         given = {f'{prefix}.{name}': getattr(said, _ARGUMENTS.get(name, name)) for name in names}
         given = {name: value for name, value in given.items() if value is not None}
@@ -116,7 +116,7 @@ def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
 
 
 def _on_part(topic: str) -> Callable:
-    """Send a wrench or an impulse to a part, in one message: other clients cannot mix with it."""
+    """Send a wrench or an impulse to a part, in one message: other clients cannot interfere."""
     def carry_out(remote: Any, said: argparse.Namespace) -> None:
         _described(remote, said).check_part(said.part)
         remote.push(topic, said.part, (said.x, said.y, said.z), said.angular)
@@ -135,7 +135,7 @@ def _explode(remote: Any, said: argparse.Namespace) -> None:
 
 
 def _text_of(grammar: Path) -> str:
-    """Read a file of the user's, which the node may not reach; '' = there is none."""
+    """Read a file of the user's that the node may not reach; '' = no such file."""
     if not grammar.is_file():
         return ''
     try:

@@ -26,22 +26,22 @@ from procphys_ros.errors import ProcPhysError
 
 CAPACITY = 10_000  # commands from topics that may wait for the next step
 _LONGEST = 0.05  # [s] of commands between two steps, so that a flood leaves time for steps
-_LONGEST_CALLS = 0.1  # [s] the same where calls of services wait
+_LONGEST_CALLS = 0.1  # [s] the same while service calls wait
 _LONGEST_REASON = 600  # [characters]
 
 
 def _nobody(success: bool, message: str) -> None:
-    """Answer a command that came on a topic: nobody waits for it."""
+    """Ignore the answer to a command from a topic."""
 
 
 @dataclass(frozen=True, eq=False)
 class Command:
     """
-    Something to do to the simulation between two steps.
+    An operation on the simulation between two steps.
 
-    :ivar name: topic or service that it came by.
-    :ivar carry_out: does it and says what happened; raises CommandError to refuse.
-    :ivar answer: told whether it was done, and what happened or why not.
+    :ivar name: topic or service of its origin.
+    :ivar carry_out: executes it and describes the result; raises CommandError to refuse.
+    :ivar answer: called with success, and the result or the reason.
     """
 
     name: str
@@ -51,26 +51,26 @@ class Command:
 
 class CommandQueue:
     """
-    Holds commands until the next step; each is counted as taken or as rejected.
+    Hold commands until the next step; count each as taken or rejected.
 
-    Commands come from the threads that talk to ROS and are carried out by the one that simulates,
-    in the order of arrival. Only when more has come than there is time for between two steps,
-    calls of services overtake what came on topics, until that has been caught up with.
+    Commands come from the ROS threads and are executed by the simulation thread, in the order of
+    arrival. Only when there are more than fit between two steps, service calls overtake commands
+    from topics, until the backlog is gone.
 
-    :param on_call: called when a command has begun to wait that somebody waits for.
-    :param on_rejection: called with the name of the command, the reason, and the exception that
-        no command should raise, or None.
-    :param clock: gives steady real time [s].
-    :ivar taken: number of commands carried out, by name.
+    :param on_call: called when a service call begins to wait.
+    :param on_rejection: called with the name of the command, the reason, and an unexpected
+        exception, or None.
+    :param clock: returns steady real time [s].
+    :ivar taken: number of commands executed, by name.
     :ivar rejected: number of commands refused, by name.
-    :ivar last_rejection: name and reason of the last one refused.
-    :ivar under_way: name of the command that is being carried out; '' = none.
+    :ivar last_rejection: name and reason of the last refusal.
+    :ivar under_way: name of the command being executed; '' = none.
     """
 
     def __init__(self, on_call: Callable[[], None],
                  on_rejection: Callable[[str, str, Exception | None], None],
                  clock: Callable[[], float] = monotonic):
-        # Behind each command is the number of its arrival.
+        # Each command is followed by the number of its arrival.
         self._from_topics: deque[tuple[Command, int]] = deque()
         self._calls: dict[Command, int] = {}
         self._arrivals = 0
@@ -89,10 +89,10 @@ class CommandQueue:
 
     def submit(self, command: Command) -> None:
         """
-        Append a command that came on a topic; one too many is rejected at once.
+        Append a command from a topic; if the queue is full, reject it.
 
-        Nobody is woken: it is for the next step, and a thousand a second would let the threads
-        wait for each other more than work.
+        No thread is woken: the command waits for the next step, and a thousand wake-ups a second
+        would make the threads wait for each other.
         """
         with self._lock:
             fits = len(self._from_topics) < CAPACITY
@@ -104,48 +104,48 @@ class CommandQueue:
 
     @property
     def is_called(self) -> bool:
-        """Return whether somebody waits for a command."""
+        """Return whether a service call is waiting."""
         return bool(self._calls)
 
     @property
     def is_full(self) -> bool:
-        """Return whether there is no room for another command from a topic."""
+        """Return whether the queue has no capacity for another command from a topic."""
         return len(self._from_topics) >= CAPACITY
 
     def reject_surplus(self, name: str) -> None:
-        """Count and report a command of a topic that there is no room for."""
+        """Count and report a command of a topic that exceeds the capacity."""
         self.reject(name, f'{CAPACITY} commands are waiting already')
 
     def call(self, command: Command) -> None:
-        """Append a command that somebody waits for."""
+        """Append a service call."""
         with self._lock:
             self._arrivals += 1
             self._calls[command] = self._arrivals
         self._on_call()
 
     def is_waiting(self, command: Command) -> bool:
-        """Return whether a call has not been begun with."""
+        """Return whether the execution of a call has not begun."""
         return command in self._calls
 
     def withdraw(self, command: Command) -> bool:
-        """Take a call back, and say whether that could be done: whether it was waiting still."""
+        """Withdraw a call; return whether it was still waiting."""
         with self._lock:
             return self._calls.pop(command, None) is not None
 
     def take(self, name: str) -> None:
-        """Count a command that was carried out."""
+        """Count an executed command."""
         with self._lock:
             self.taken[name] += 1
 
     def reject(self, name: str, why: str | Exception, note: str = '', count: int = 1) -> str:
         """
-        Count and report a command that is not carried out.
+        Count and report a command that is not executed.
 
         :param name: of the command.
-        :param why: the reason, or what was raised; anything but an error that is meant for users
-            is a defect, and is reported as one.
-        :param note: goes behind the reason.
-        :param count: of commands that this is said of.
+        :param why: the reason, or the exception; any but an error meant for users is a defect,
+            and is reported as one.
+        :param note: appended to the reason.
+        :param count: number of commands it applies to.
         :returns: the reason, shortened.
         """
         defect = why if isinstance(why, Exception) and not isinstance(why, ProcPhysError) else None
@@ -158,9 +158,9 @@ class CommandQueue:
 
     def drain(self) -> bool:
         """
-        Carry out what waits, but no longer than `_LONGEST`; calls up to `_LONGEST_CALLS`.
+        Execute waiting commands, for at most `_LONGEST`; calls for up to `_LONGEST_CALLS`.
 
-        :returns: whether anything has waited.
+        :returns: whether any was waiting.
         """
         begin, elapsed = self._clock(), 0.0
         has_waited = len(self) > 0
@@ -174,12 +174,12 @@ class CommandQueue:
         return has_waited
 
     def counts(self) -> tuple[dict[str, int], dict[str, int]]:
-        """Give how many commands were taken, and rejected, by name."""
+        """Return the numbers of commands taken and rejected, by name."""
         with self._lock:
             return dict(self.taken), dict(self.rejected)
 
     def _next(self, calls_only: bool) -> Command | None:
-        """Take out what came first."""
+        """Remove and return the first command."""
         with self._lock:
             call, called = next(iter(self._calls.items()), (None, 0))
             if call is not None and (calls_only or self._is_behind or not self._from_topics
@@ -195,7 +195,7 @@ class CommandQueue:
         try:
             with progress.stage(command.name):
                 message = command.carry_out()
-        except Exception as error:  # whatever it is, the simulation goes on as it was
+        except Exception as error:  # the simulation goes on unchanged after any exception
             command.answer(False, self.reject(command.name, error))
         else:
             self.take(command.name)
@@ -205,15 +205,15 @@ class CommandQueue:
 
 
 def describe(error: Exception) -> str:
-    """Say what was raised; of what is not meant for users also its type."""
+    """Describe an exception; with its type unless it is meant for users."""
     if isinstance(error, ProcPhysError):
         return str(error)
     return f'internal error, {type(error).__name__}: {error}'
 
 
 def shortened(reason: str) -> str:
-    """Make a reason fit for a message, one line: who sent a long list need not get it back."""
-    if not reason.isprintable():  # line breaks of a name, and surrogates, which UTF-8 has not
+    """Shorten a reason to one line of a message, without unprintable characters."""
+    if not reason.isprintable():  # line breaks of a name, and surrogates, which UTF-8 lacks
         reason = ''.join(c if c.isprintable() else ascii(c)[1:-1] for c in reason)
     if len(reason) <= _LONGEST_REASON:
         return reason

@@ -25,15 +25,15 @@ from procphys_ros.errors import CommandError
 
 Triple = tuple[float, float, float]
 Act = Callable[[], str]  # does something to the simulation and says what; CommandError = refused
-_LONGEST_NAME = 256  # [characters] of a part; those of the longest names that ROS allows
+_LONGEST_NAME = 256  # [characters] of a part; those of the longest names in ROS
 
 
 def triple(vector: Vector3 | Point, what: str) -> Triple:
     """
     Read three numbers.
 
-    :param what: names the vector in the message of the error.
-    :raises CommandError: when one of them is not finite.
+    :param what: name of the vector, for the error message.
+    :raises CommandError: if one of them is not finite.
     """
     values = (vector.x, vector.y, vector.z)
     if not all(map(math.isfinite, values)):
@@ -43,9 +43,9 @@ def triple(vector: Vector3 | Point, what: str) -> Triple:
 
 def check_frame(header: Header, frame: str) -> None:
     """
-    Refuse vectors in a frame that is not the world's; no frame given means the world's.
+    Reject vectors in a frame other than the world; an empty frame means the world.
 
-    :param frame: the frame that the simulation lives in.
+    :param frame: the frame of the simulation.
     :raises CommandError: naming both frames.
     """
     if header.frame_id not in ('', frame):
@@ -63,9 +63,9 @@ def part_name(text: str, where: str) -> str:
     """
     Read the name of a part.
 
-    :param text: what stands where the name belongs.
-    :param where: names that place in the message of the error.
-    :raises CommandError: when it is empty, or longer than any name.
+    :param text: the field for the name.
+    :param where: name of the field, for the error message.
+    :raises CommandError: if it is empty, or longer than any name.
     """
     if not text:
         raise CommandError(f'{where} is empty, it must name a part, such as oak_0/17')

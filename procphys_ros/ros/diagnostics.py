@@ -33,22 +33,22 @@ from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 from procphys_ros.ros.session import REMEDY, Session
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
-_LOOKS = 4.0  # [Hz] at which the simulation is looked at
-_LONG_TURN = 1.0  # [s] after which a step or a command is worth a warning by itself
+_LOOKS = 4.0  # [Hz] rate of samples of the simulation
+_LONG_TURN = 1.0  # [s] after which a single step or command is reported
 
 
 @dataclass(frozen=True)
 class Look:
     """
-    How the simulation was doing at one moment.
+    The status of the simulation at one moment.
 
-    :ivar time: simulated [s].
-    :ivar wanted: real-time factor asked for; 0 = as fast as possible.
-    :ivar paused: whether time stands still on demand.
-    :ivar failure: what stopped the simulation; '' = nothing.
-    :ivar stages: [ms] that each stage of a step took in the mean.
+    :ivar time: simulated time [s].
+    :ivar wanted: requested real-time factor; 0 = as fast as possible.
+    :ivar paused: whether the simulation is paused.
+    :ivar failure: error that stopped the simulation; '' = none.
+    :ivar stages: mean duration of each stage of a step [ms].
     :ivar parts: number of all parts.
-    :ivar awake: number of loose bodies that move.
+    :ivar awake: number of moving loose bodies.
     :ivar broken: number of bonds broken.
     :ivar wind: speed at the reference height [m/s].
     """
@@ -66,15 +66,15 @@ class Look:
 
 class Diagnostics:
     """
-    Looks at the simulation in the thread that simulates, and publishes /diagnostics in the other.
+    Sample the simulation in its thread, and publish /diagnostics in the other.
 
     :param node: the node that publishes.
-    :param commands: where commands are counted.
+    :param commands: counts commands.
     :param speed: measures the real-time factor.
-    :param work: what the thread that simulates does.
-    :param building: what the thread that builds scenes does.
-    :param compilation: what is compiled beforehand.
-    :ivar latest: what was seen last; None before the first scene.
+    :param work: of the simulation thread.
+    :param building: work of the thread that builds scenes.
+    :param compilation: of kernels in the background.
+    :ivar latest: last sample; None before the first scene.
     :ivar factor: real-time factor of the last second; NaN before that.
     """
 
@@ -94,12 +94,12 @@ class Diagnostics:
         self.latest: Look | None = None
 
     def note(self, timings: Mapping[str, float]) -> None:
-        """Add what the stages of one step took [s]; the status tells their mean."""
+        """Add the durations of the stages of one step [s], for their mean in the status."""
         self._stages.update(timings)
         self._steps += 1
 
     def look(self, session: Session, pacer: Pacer) -> None:
-        """Look at the simulation, if that is due."""
+        """Sample the simulation, if that is due."""
         if not session.has_scene or not self._limiter.is_due():
             return
         simulation = session.simulation
@@ -153,12 +153,12 @@ class Diagnostics:
 def judge(look: Look | None, factor: float, work: Activity, building: Activity
           ) -> tuple[bytes, str]:
     """
-    Give the level and the message of the status.
+    Return the level and the message of the status.
 
-    :param look: what was seen last; None = there is no scene yet.
+    :param look: last sample; None = there is no scene yet.
     :param factor: real-time factor reached.
-    :param work: what the thread that simulates does.
-    :param building: what the thread that builds scenes does.
+    :param work: of the simulation thread.
+    :param building: work of the thread that builds scenes.
     """
     if look is None:
         return DiagnosticStatus.OK, building.now() or 'no scene yet'
@@ -180,9 +180,9 @@ def status_line(look: Look | None, factor: float, building: str) -> str:
     """
     Describe the state in one line for a terminal.
 
-    :param look: what was seen last; None = there is no scene yet.
+    :param look: last sample; None = there is no scene yet.
     :param factor: real-time factor reached.
-    :param building: what the thread that builds scenes does.
+    :param building: work of the thread that builds scenes.
     """
     if look is None:
         return building or 'starting'

@@ -27,10 +27,10 @@ from procphys_ros.simulation.parts import Owner
 
 class Entities:
     """
-    Reads objects and parts of a simulation; in the thread that simulates.
+    Read objects and parts of a simulation; in the simulation thread.
 
-    :param simulation: as it is now.
-    :ivar names: of its objects, what was launched included, what was removed not.
+    :param simulation: in its present state.
+    :ivar names: of its objects, including launched ones, without removed ones.
     """
 
     def __init__(self, simulation: Simulation):
@@ -42,9 +42,9 @@ class Entities:
 
     def state(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """
-        Give pose (7,) and twist (6,) of the first part that an object still has, or of a part.
+        Return pose (7,) and twist (6,) of a part, or of the first remaining part of an object.
 
-        :raises CommandError: when there is no such object or part, or nothing is left of it.
+        :raises CommandError: if there is no such object or part, or nothing remains of it.
         """
         poses = self._simulation.poses
         for part in self._parts(name):
@@ -53,14 +53,14 @@ class Entities:
         raise CommandError(f'nothing is left of {name}')
 
     def is_left(self, name: str) -> bool:
-        """Return whether anything is left of an object."""
+        """Return whether any part of an object remains."""
         return bool(np.isfinite(self._simulation.poses[self._parts(name), 0]).any())
 
     def movable(self, name: str) -> int:
         """
-        Give the part by which an object, or a part, can be put elsewhere in one piece.
+        Return the part by which an object, or a part, can be moved in one piece.
 
-        :raises CommandError: when there is no such object or part, or its parts go several ways.
+        :raises CommandError: if there is no such object or part, or it is in several pieces.
         """
         state, exists = self._simulation.state.parts, self._simulation.exists
         parts = [part for part in self._parts(name) if exists[part]]
@@ -73,12 +73,12 @@ class Entities:
         return parts[0]
 
     def kinds(self, name: str) -> list[str]:
-        """Name the kinds of parts of an object, such as brick and pane."""
+        """List the kinds of parts of an object, such as brick and pane."""
         source = self._simulation.blueprint
         return [source.kinds[k] for k in np.unique(source.kind[self._parts(name)])]
 
     def describe(self, name: str) -> str:
-        """Say how many parts of which kinds it has, and their mass."""
+        """Describe an object: the numbers of its parts by kind, and their mass."""
         source = self._simulation.blueprint
         parts = self._parts(name)
         counts = Counter(source.kinds[k] for k in source.kind[parts])
@@ -87,7 +87,7 @@ class Entities:
 
     def bounds(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         """
-        Give the corners of a box around an object, in the frame of its state [m], 2 of (3,).
+        Return the corners of a box around an object, in the frame of its state [m], 2 of (3,).
 
         :raises CommandError: as `state`.
         """
@@ -107,13 +107,13 @@ class Entities:
         return bool(np.all(lower <= high) and np.all(upper >= low))
 
     def _box(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Give the corners of the box around the balls around what is left of an object."""
+        """Return the corners of the box around the bounding spheres of remaining parts."""
         centre, reach = self._balls(name)
         low, high = centre - reach[:, None], centre + reach[:, None]
         return low.min(axis=0, initial=np.inf), high.max(axis=0, initial=-np.inf)
 
     def _balls(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        """Give centres (K, 3) and radii (K,) of the balls around the parts that are left."""
+        """Return centres (K, 3) and radii (K,) of the bounding spheres of remaining parts."""
         parts = np.asarray(self._parts(name))
         centre = self._simulation.poses[parts, :3]
         there = np.isfinite(centre[:, 0])

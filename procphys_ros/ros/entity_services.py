@@ -35,14 +35,14 @@ from procphys_ros.scene.spawn import Spawn
 from procphys_ros.simulation.validation import checked_rotation, checked_vector
 
 FORMATS = ('lsys', 'wall')
-_UPRIGHT = 1e-3  # [-] least part of an attitude that is no turn about the vertical
+_UPRIGHT = 1e-3  # [-] x or y of a quaternion from which on it is not a turn about the vertical
 
 _Value = TypeVar('_Value')
 Answer = Callable[[bool, str], None]
 
 
 class Replies(Protocol):
-    """Waits for what becomes of a request, see `Answers`."""
+    """Waits for the results of requests, see `Answers`."""
 
     def ask(self, name: str, prepare: Callable[[], Act]) -> Awaitable[tuple[bool, str]]: ...
 
@@ -51,7 +51,7 @@ class Replies(Protocol):
 
 
 class BeginSpawn(Protocol):
-    """Begins to build what is to join the scene, see `Loading.begin_spawn`."""
+    """Begins to build an object that joins the scene, see `Loading.begin_spawn`."""
 
     def __call__(self, wanted: Spawn, join: Callable[[Blueprint], str], answer: Answer,
                  /) -> None: ...
@@ -59,12 +59,12 @@ class BeginSpawn(Protocol):
 
 class EntityServer:
     """
-    Answers the requests.
+    Handle the service requests.
 
     :param types: module `msg` of `simulation_interfaces`.
     :param replies: waits for commands in the thread of the simulation.
-    :param begin_spawn: has an object built and joined to the scene.
-    :param session: carries commands out.
+    :param begin_spawn: builds an object that joins the scene.
+    :param session: executes commands.
     :param frame: of poses.
     """
 
@@ -77,7 +77,7 @@ class EntityServer:
         self._frame = frame
 
     async def get_spawnables(self, request: Any, response: Any) -> Any:
-        """List the grammars that come with the package."""
+        """List the grammars of the package."""
         for path in sorted((shared_folder() / 'grammars').iterdir()):
             if path.suffix[1:] in FORMATS:
                 entry = self._types.Spawnable()
@@ -90,7 +90,7 @@ class EntityServer:
         return response
 
     async def spawn_entity(self, request: Any, response: Any) -> Any:
-        """Let what a grammar describes join the scene."""
+        """Add the object described by a grammar to the scene."""
         try:
             wanted = self._wanted(request)
         except _Refusal as refusal:
@@ -110,7 +110,7 @@ class EntityServer:
         return response
 
     async def spawn_entities(self, request: Any, response: Any) -> Any:
-        """Let several join, one after the other; those that can, also if others cannot."""
+        """Add several objects, one after the other; failures do not stop the others."""
         response.results = [await self.spawn_entity(one, self._types.SpawnResult())
                             for one in request.spawn_requests]
         failed = sum(one.result.result != self._result.RESULT_OK for one in response.results)
@@ -121,13 +121,13 @@ class EntityServer:
         return response
 
     async def delete_entity(self, request: Any, response: Any) -> Any:
-        """Take an object out of the scene."""
+        """Remove an object from the scene."""
         name = _entity(request)
         return await self._carry_out(response, 'delete_entity', name,
                                      lambda: self._session.remove(name))
 
     async def set_entity_state(self, request: Any, response: Any) -> Any:
-        """Put what is loose somewhere else, or give it another velocity."""
+        """Set the pose or the velocity of a loose object."""
         name, state = _entity(request), request.state
         wanted = twist = None
         try:
@@ -145,7 +145,7 @@ class EntityServer:
                                      lambda: self._session.move(name, wanted, twist))
 
     async def _carry_out(self, response: Any, service: str, name: str, act: Act) -> Any:
-        """Do something to an entity; tell one that is not there from what cannot be done."""
+        """Execute a command on an entity; distinguish missing entities from failures."""
         known = []
 
         def look_and_act() -> str:
@@ -160,16 +160,16 @@ class EntityServer:
         return response
 
     def _failed(self, response: Any, code: str, message: str) -> Any:
-        """Fill a response; code names one of its constants, which older versions may lack."""
+        """Fill a failed response; code names a constant of it, which old versions may lack."""
         response.result.result = getattr(response, code, self._result.RESULT_OPERATION_FAILED)
         response.result.error_message = message
         return response
 
     def _wanted(self, request: Any) -> Spawn:
         """
-        Read what is to be spawned.
+        Read the description of an object to spawn.
 
-        :raises _Refusal: when the request makes no sense.
+        :raises _Refusal: if the request is invalid.
         """
         resource, name = _resource_of(request), request.name
         if not resource.uri and not resource.resource_string:
@@ -192,11 +192,11 @@ class EntityServer:
 
     def _placed(self, stamped: Any) -> dict[str, Any]:
         """
-        Read where to put an object; its height counts from the ground from here on.
+        Read the pose of an object to spawn; its height is converted to that above the ground.
 
-        A pose below the ground of a terrain, such as an empty one, means a place on the ground.
+        A pose below the ground of a terrain, such as an empty one, means a position on the ground.
 
-        :raises CommandError: when that is in another frame, or is not upright.
+        :raises CommandError: if it is in another frame, or not upright.
         """
         check_frame(stamped.header, self._frame)
         x, y, z, qx, qy, qz, qw = pose(stamped.pose)
@@ -213,10 +213,10 @@ class EntityServer:
 
 class _Refusal(Exception):
     """
-    A request that makes no sense.
+    An invalid request.
 
-    :param code: name of the constant of the response that says so.
-    :param message: says more.
+    :param code: name of the constant of the response for it.
+    :param message: details.
     """
 
     def __init__(self, code: str, message: str):
@@ -225,7 +225,7 @@ class _Refusal(Exception):
 
 
 def _or_refuse(code: str, read: Callable[[], _Value]) -> _Value:
-    """Read something; what is wrong with it is said with a code."""
+    """Read a value; raise errors as refusals with a code."""
     try:
         return read()
     except ProcPhysError as error:
@@ -233,23 +233,23 @@ def _or_refuse(code: str, read: Callable[[], _Value]) -> _Value:
 
 
 def _entity(request: Any) -> str:
-    """Give the name in a request; the field was called otherwise in the first version."""
+    """Return the name in a request; the field had another name in the first version."""
     return request.entity if hasattr(request, 'entity') else request.name
 
 
 def _resource_of(message: Any) -> Any:
-    """Give where a message holds uri and resource_string; newer versions have it in a field."""
+    """Return the message with uri and resource_string; newer versions have it in a field."""
     return getattr(message, 'entity_resource', message)
 
 
 def _described(uri: str, text: str) -> Spawn:
     """
-    Read which grammar is meant.
+    Read which grammar to use.
 
-    :param uri: file in grammars/, path, file:// or package://, with values of the grammar behind
-        a question mark: oak.lsys?seed=3&height=5. '' = the text holds.
+    :param uri: file in grammars/, path, file:// or package://, with values of the grammar after
+        a question mark: oak.lsys?seed=3&height=5. '' = the text is used.
     :param text: the grammar itself.
-    :raises SceneError: when it is no grammar, or a value is none.
+    :raises SceneError: if it is not a grammar, or a value is invalid.
     """
     if not uri:
         return Spawn(grammar_text=text)

@@ -24,33 +24,33 @@ from procphys_ros.errors import CommandError
 from procphys_ros.file_bounds import FileBounds, named_by, outside, within
 from procphys_ros.resources import shared_folder
 
-_TEMPORARY = 'launch_params_'  # what `launch` calls files that it writes values to
+_TEMPORARY = 'launch_params_'  # prefix of files into which `launch` writes values
 
 
 def bounds_at_start(roots: Sequence[str], given: Mapping[str, Any],
                     arguments: Sequence[str]) -> FileBounds:
     """
-    Find out which files may be named after the start.
+    Determine the files that may be named after the start.
 
     :param roots: value of `files.root`; () = the folders of scene files, and that of states.
-    :param given: values of parameters that the start gave, by full name.
+    :param given: parameters given at start, by full name.
     :param arguments: command line of the process.
     """
     folders = [Path(os.path.expanduser(root)) for root in roots]
     if not folders:
         folders = [_state_folder(given), *_scene_folders(arguments)]
-    # States go to the first, so the package is behind all others.
+    # States go to the first folder, so the package is the last.
     return FileBounds(tuple(dict.fromkeys(
         folder.resolve() for folder in (*folders, shared_folder()))), given)
 
 
 def state_path(name: str, bounds: FileBounds) -> Path:
     """
-    Give the path of a state file.
+    Return the path of a state file.
 
-    :param name: value of `state.file`; one that came after the start, and is no whole path, is
-        a file in the first folder of the bounds.
-    :raises CommandError: when it may not be named, or its folder cannot be made.
+    :param name: value of `state.file`; a relative path set after the start is a file in the first
+        folder of the bounds.
+    :raises CommandError: if it is not allowed, or its folder cannot be made.
     """
     if not name:
         raise CommandError('state.file is empty, it must name a file')
@@ -77,7 +77,7 @@ def _state_folder(given: Mapping[str, Any]) -> Path:
 
 
 def _own_folder() -> Path:
-    """Give the folder of states where the start names none."""
+    """Return the default folder of states."""
     return Path(os.path.expanduser(os.environ.get('ROS_HOME') or '~/.ros')) / 'procphys_ros'
 
 

@@ -46,20 +46,20 @@ from procphys_ros.ros.page_commands import PageCommands
 from procphys_ros.torn_wood import BrokenWood
 from procphys_ros.view.source import Content, Frame, Status
 
-_TURN = 0.05  # [s] between looks at whether it is to end
+_TURN = 0.05  # [s] between checks for its end
 _SILENCE = 5.0  # [s] without diagnostics, which come each second: then a node counts as dead
 
 
 class FollowedNode:
     """
-    Subscribes to what a node publishes; finds the node again when it has been restarted.
+    Subscribe to the topics of a node; find the node again after a restart.
 
     :param name: of the node, such as /sim.
-    :param patience: how long to wait for its answer to a command [s].
-    :ivar watched: whether poses are wanted; without, only the description and the status come.
+    :param patience: time to wait for its answer to a command [s].
+    :ivar watched: whether poses are subscribed to; otherwise only description and status.
     """
 
-    can_undo = False  # states of a node go through files, and others act on it, too
+    can_undo = False  # states of a node are files, and it has other clients, too
 
     def __init__(self, name: str, patience: float = 5.0):
         self.name = '/' + name.strip('/')
@@ -81,7 +81,7 @@ class FollowedNode:
         self._thread = Thread(target=self._spin, name='follow', daemon=True)
 
     def start(self) -> None:
-        """Start listening."""
+        """Start receiving."""
         self._thread.start()
         self._commands.start()
 
@@ -94,11 +94,11 @@ class FollowedNode:
         self._node.destroy_node()
 
     def frame(self) -> Frame | None:
-        """Give the newest moment."""
+        """Return the newest frame."""
         return self._state.frame()
 
     def status(self) -> Status:
-        """Describe the state of the node, or say that it is silent."""
+        """Describe the state of the node, or report that it is silent."""
         silence = monotonic() - self._heard
         if silence > _SILENCE:
             since = '' if np.isinf(silence) else f' for {silence:.0f} s'
@@ -108,11 +108,11 @@ class FollowedNode:
                       self._diagnosis.factor, known, self._commands.scene)
 
     def say(self, command: Any) -> None:
-        """Have a command carried out by the node."""
+        """Send a command to the node."""
         self._commands.put(command)
 
     def answer(self) -> str:
-        """Give the answer to the last command."""
+        """Return the answer to the last command."""
         return self._commands.answer
 
     def _spin(self) -> None:
@@ -173,7 +173,7 @@ class FollowedNode:
 
 
 class _SceneState:
-    """What has been received of a scene: from the thread of ROS, for the thread of the page."""
+    """Received content of a scene: from the ROS thread, for the thread of the page."""
 
     def __init__(self) -> None:
         self._content: Content | None = None
@@ -186,16 +186,16 @@ class _SceneState:
         self._is_stale = False
 
     def frame(self) -> Frame | None:
-        """Give the newest moment, the same object while nothing new has come."""
+        """Return the newest frame, the same object while nothing new was received."""
         content, poses = self._content, self._poses
-        # Poses may be ahead of the description; those that are fewer are of another scene.
+        # Poses may be ahead of the description; fewer poses than parts are of another scene.
         if self._is_stale and content is not None and 0 < len(content) <= len(poses):
             self._is_stale = False
             self._newest = self._make(content, poses[:len(content)])
         return self._newest
 
     def describe(self, text: str) -> None:
-        """Take a description of the scene up; one that goes on where the last ended is no news."""
+        """Store a description of the scene; an extension of the last keeps the scene number."""
         content = content_of(json.loads(text), self._leaves, self._scene)
         old = self._content
         if old is not None and not _continues(old, content):
@@ -205,31 +205,31 @@ class _SceneState:
         self._is_stale = True
 
     def take_leaves(self, leaves: Leaves) -> None:
-        """Take leaves up, which may come before or after the description that they belong to."""
+        """Store leaves, which may come before or after their description."""
         self._leaves = leaves
         if self._content is not None:
             self._begin(self._content)
 
     def take_poses(self, data: bytes) -> None:
-        """Take a geometry_msgs/PoseArray up, CDR with its encapsulation."""
+        """Store a geometry_msgs/PoseArray, CDR with its encapsulation."""
         self._poses, self._is_stale = read_pose_array(data), True
 
     def take_leaf_poses(self, data: bytes) -> None:
-        """Take the poses of leaves up; else as `take_poses`."""
+        """Store the poses of leaves; format as in `take_poses`."""
         self._leaf_poses, self._is_stale = read_pose_array(data), True
 
     def take_dust(self, puffs: Puffs) -> None:
-        """Take dust up."""
+        """Store dust."""
         self._dust, self._is_stale = puffs, True
 
     def take_breaks(self, pairs: np.ndarray, causes: np.ndarray) -> None:
-        """Take up the parts of all bonds that have broken, (K, 2), and why, (K,)."""
+        """Store the parts of all broken bonds, (K, 2), and the causes, (K,)."""
         self._breaks, self._is_stale = (pairs, causes), True
 
     def _begin(self, content: Content) -> None:
         self._scene += 1
         leaves = self._leaves
-        if len(leaves) and leaves.part.max() >= len(content):  # those of another scene
+        if len(leaves) and leaves.part.max() >= len(content):  # leaves of another scene
             leaves = Leaves()
         self._content = replace(content, scene=self._scene, leaves=leaves)
         self._is_stale = True
@@ -249,7 +249,7 @@ def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content
     """
     Read a scene description.
 
-    :param described: what `~/scene_description` holds.
+    :param described: content of `~/scene_description`.
     :param leaves: on its parts.
     :param scene: number of the scene.
     """
@@ -277,7 +277,7 @@ def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content
 
 
 def _mortar_of(described: dict[str, Any]) -> Seats | None:
-    """Read where mortar is; nodes of earlier versions do not say."""
+    """Read the seats of mortar; nodes of earlier versions do not send them."""
     if 'mortar' not in described:
         return None
     bond = np.array(described['mortar']['bond'], int)
@@ -289,7 +289,7 @@ def _mortar_of(described: dict[str, Any]) -> Seats | None:
 
 
 def _continues(old: Content, new: Content) -> bool:
-    """Return whether a content has the ground and parts of another, and perhaps more."""
+    """Return whether a content has the ground and parts of another, and possibly more."""
     count = len(old)
     return (len(new) >= count and _ground(new) == _ground(old)
             and np.array_equal(old.size, new.size[:count])
@@ -297,6 +297,6 @@ def _continues(old: Content, new: Content) -> bool:
 
 
 def _ground(content: Content) -> list[str | bytes]:
-    """Give what tells the ground of a scene from another."""
+    """Return data that identify the ground of a scene."""
     return [repr(content.terrain), *(one.texture for one in content.paving),
             *(one.points.tobytes() for one in content.paving)]

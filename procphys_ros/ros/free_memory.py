@@ -21,14 +21,14 @@ from threading import Thread
 
 def return_free_memory() -> None:
     """
-    Give memory that is free back to the system, in a thread of its own.
+    Return free memory to the system, in a separate thread.
 
-    Each thread allocates from an arena of its own, and glibc keeps what is free within it: where
-    scenes are built in one thread and used in another, two thirds of a scene for good.
+    Each thread allocates from its own arena, and glibc keeps free memory within it: where scenes
+    are built in one thread and used in another, two thirds of a scene for good.
     """
     Thread(target=_trim, name='free memory', daemon=True).start()
 
 
 def _trim() -> None:
-    with suppress(AttributeError, OSError):  # other libraries of C lack it, and have no need
+    with suppress(AttributeError, OSError):  # other C libraries lack it, and do not need it
         ctypes.CDLL(None).malloc_trim(0)

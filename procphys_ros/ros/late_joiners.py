@@ -20,19 +20,19 @@ from time import monotonic
 
 from rclpy.event_handler import PublisherEventCallbacks, QoSPublisherMatchedInfo
 
-# [s] after the arrival. Who is known here before it knows this publisher misses what is said at
-# once, on a busy machine also what is said a second later.
+# [s] after the arrival. A subscriber that is discovered before it has discovered this publisher
+# misses the first message, on a busy machine also one a second later.
 _TELLING = (0.0, 1.0, 5.0)
 
 
 class LateJoinerTracker:
     """
-    Tells when new subscribers of one topic need its full state.
+    Detect when new subscribers of one topic need its full state.
 
-    The middleware says who comes. To count subscribers would not do: one that comes while another
-    goes would be missed.
+    The middleware reports new subscribers. Counting them would miss one that comes while another
+    leaves.
 
-    :param clock: gives steady real time [s].
+    :param clock: returns steady real time [s].
     :ivar events: for `create_publisher`.
     """
 
@@ -42,13 +42,13 @@ class LateJoinerTracker:
         self._due: list[float] = []
 
     def note(self, event: QoSPublisherMatchedInfo) -> None:
-        """Take up that subscribers have come or gone; in the thread that talks to ROS."""
+        """Record a change of subscribers; in the ROS thread."""
         if event.total_count_change > 0:
             now = self._clock()
             self._due = [now + wait for wait in _TELLING]
 
     def are_waiting(self) -> bool:
-        """Return whether it is time to tell everything; in the thread that simulates."""
+        """Return whether the full state is due, and clear that; in the simulation thread."""
         due = self._due  # the other thread replaces it as a whole
         if not _has_begun(due, self._clock()):
             return False
@@ -57,7 +57,7 @@ class LateJoinerTracker:
 
     @property
     def would_be_told(self) -> bool:
-        """Return whether `are_waiting` would say so now."""
+        """Return whether `are_waiting` would return True now."""
         return _has_begun(self._due, self._clock())
 
 

@@ -26,16 +26,16 @@ from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.simulation import Simulation
 
-_EARLY = 0.2  # share of their period that poses may come early, for turns that jitter
+_EARLY = 0.2  # share of their period that poses may come early, as turns jitter
 
 
 class LeafPublisher:
     """
-    Publishes the leaves of a simulation.
+    Publish the leaves of a simulation.
 
     :param node: the node that publishes.
-    :param frame: `frame_id` of everything.
-    :ivar new: tells of new subscribers of the poses.
+    :param frame: `frame_id` of all messages.
+    :ivar new: tracks new subscribers of the poses.
     """
 
     def __init__(self, node: Node, frame: str):
@@ -49,11 +49,11 @@ class LeafPublisher:
         self._has_news = True
 
     def restart(self) -> None:
-        """Say next time what leaves there are, also if there are as many as before."""
+        """Publish the leaves at the next call, even if their number has not changed."""
         self._described = -1
 
     def describe(self, simulation: Simulation) -> None:
-        """Say what leaves there are, unless that was said."""
+        """Publish the leaves on their parts, if not done yet."""
         if len(simulation.blueprint.leaves) == self._described:
             return
         self._described = len(simulation.blueprint.leaves)
@@ -62,13 +62,13 @@ class LeafPublisher:
 
     def publish(self, simulation: Simulation, has_moved: bool, rate: float) -> None:
         """
-        Publish where all leaves are, fluttering, flying or fallen.
+        Publish the poses of all leaves, fluttering, flying or fallen.
 
         :param has_moved: whether steps were run since the last call.
-        :param rate: at most so often [Hz].
+        :param rate: highest rate [Hz].
         """
         self._limiter.rate = rate
-        # What came when nothing was due is still to be told, also if time stands still since.
+        # Changes while nothing was due are still to be published, also if time stands still since.
         self._has_news |= self.new.are_waiting() or has_moved
         if self._has_news and self._poses.get_subscription_count() and self._limiter.is_due():
             self._has_news = False

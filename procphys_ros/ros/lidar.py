@@ -26,15 +26,15 @@ from procphys_ros.ros.parameters import Parameters
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.simulation import Simulation
 
-_EARLY = 1e-6  # [s], rounding of simulated time
+_EARLY = 1e-6  # [s] rounding of simulated time
 
 
 class LidarPublisher:
     """
-    Scans the scene after the steps at which a scan is due, while somebody listens.
+    Scan the scene after the steps at which a scan is due, while there are subscribers.
 
     :param node: the node that publishes.
-    :param parameters: of it, with `lidar.*`.
+    :param parameters: of the node, with `lidar.*`.
     """
 
     def __init__(self, node: Node, parameters: Parameters):

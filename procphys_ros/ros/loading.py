@@ -38,12 +38,12 @@ _MOST_SPAWNS = 8  # grammars that are derived at once
 
 class Loading:
     """
-    Loads the first scene, others in its place, and objects that join.
+    Load the first scene, replacements, and objects that join.
 
-    :param builder: builds them.
-    :param queue: hands them over between two steps.
-    :param parameters: describe them, as they are when it begins.
-    :param session: takes them.
+    :param builder: builds scenes.
+    :param queue: passes them to the simulation thread between two steps.
+    :param parameters: describe them, as of the start of building.
+    :param session: receives them.
     """
 
     def __init__(self, builder: Builder, queue: CommandQueue, parameters: Parameters,
@@ -61,8 +61,8 @@ class Loading:
         """
         Start loading the first scene.
 
-        :param failed: called with ProcPhysError, in another thread, when it cannot be built.
-        :param answer: told, in another thread, when it runs; who waits for that can cancel it.
+        :param failed: called with ProcPhysError, in another thread, if it cannot be built.
+        :param answer: called, in another thread, when it runs; such a load can be cancelled.
         """
         def fail(error: Exception) -> None:
             lasting = SceneError(describe(error))
@@ -76,10 +76,10 @@ class Loading:
 
     def reload(self, answer: Callable[[bool, str], None]) -> None:
         """
-        Start loading the scene of the present parameters; on an error the old one stays.
+        Start loading the scene of the present parameters; on an error the old one is kept.
 
-        :param answer: told, in another thread, whether it runs now, and what it holds or why not.
-        :raises CommandError: when another is being loaded, or none has been yet.
+        :param answer: called, in another thread, with success, and the content or the reason.
+        :raises CommandError: if another is being loaded, or none has been yet.
         """
         if not self._session.has_scene:
             raise CommandError('there is no scene yet to load another in place of')
@@ -94,10 +94,10 @@ class Loading:
 
     def spawn(self, answer: Callable[[bool, str], None]) -> None:
         """
-        Start building what the `spawn.*` parameters describe; it joins the scene when it is built.
+        Start building the object of the `spawn.*` parameters; it joins the scene when it is built.
 
-        :param answer: told, in another thread, what joined or why nothing did.
-        :raises ProcPhysError: when the parameters make no sense.
+        :param answer: called, in another thread, with the result or the reason.
+        :raises ProcPhysError: if the parameters are invalid.
         """
         wanted = Spawn(**self._parameters.nested().get('spawn', {}))
         self.begin_spawn(wanted, lambda made: self._session.spawn(wanted, made), answer)
@@ -107,10 +107,10 @@ class Loading:
         """
         Start building an object.
 
-        :param wanted: describes it.
-        :param join: called with it between two steps; says what happened, or raises.
-        :param answer: told, in another thread, what `join` said, or what went wrong.
-        :raises CommandError: when it cannot be called so, or many others are being built.
+        :param wanted: its description.
+        :param join: called with it between two steps; describes the result, or raises.
+        :param answer: called, in another thread, with the result of `join`, or the error.
+        :raises CommandError: if its name is not allowed, or many others are being built.
         """
         wanted.check_name()
         if not self._session.has_scene:
@@ -134,7 +134,7 @@ class Loading:
         self._spawning[-1].start()
 
     def stop(self, patience: float) -> bool:
-        """Let nothing join any more, and wait [s]; return whether all building has ended."""
+        """Prevent further joining, and wait [s]; return whether all building has ended."""
         self._stopped = True
         end = monotonic() + patience
         for thread in self._spawning:
@@ -143,9 +143,9 @@ class Loading:
 
     def cancel(self, answer: Callable[[bool, str], None]) -> None:
         """
-        Give up what is being loaded.
+        Cancel the scene being loaded.
 
-        :raises CommandError: when nothing is.
+        :raises CommandError: if there is none.
         """
         if self._is_first_needed and not self._session.has_scene:
             raise CommandError('the first scene cannot be cancelled; end the node instead')

@@ -27,15 +27,15 @@ from procphys_ros.ros.activity import Activity
 
 class Loop:
     """
-    Calls a function over and over in a thread of its own.
+    Call a function repeatedly in a separate thread.
 
-    The function belongs to one thread only, so what it works on needs no locks. Whatever goes
-    wrong in it ends the loop and comes out of `ended`, for whoever spins the node to see.
+    The function runs in one thread only, so its data need no locks. An exception in it ends the
+    loop and is raised by `ended`, for the thread that spins the node.
 
-    :param turn: what to call; gives the time until it wants to be called again [s].
-    :param context: once it has been shut down, errors of the turn mean nothing any more.
-    :ivar ended: is done when something went wrong that ends the node; its result raises it.
-    :ivar activity: what it does that takes long.
+    :param turn: function to call; returns the time until its next call [s].
+    :param context: after its shutdown, errors of the turn are ignored.
+    :ivar ended: future that is done after an error that ends the node; its result raises it.
+    :ivar activity: long work of the loop.
     """
 
     def __init__(self, turn: Callable[[], float], context: Context):
@@ -48,7 +48,7 @@ class Loop:
         self.ended = Future()
 
     def start(self) -> None:
-        """Start taking turns."""
+        """Start the loop."""
         self._thread.start()
 
     def wake(self) -> None:
@@ -61,7 +61,7 @@ class Loop:
             self.ended.set_exception(error)
 
     def stop(self, patience: float) -> bool:
-        """End after the present turn, wait some time [s] for that, and say whether it has."""
+        """End after the present turn, wait some time [s], and return whether it has ended."""
         self._stopped = True
         self.wake()
         if self._thread.is_alive():

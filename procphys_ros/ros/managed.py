@@ -29,18 +29,18 @@ from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.services import Answer
 
-_LOOK = 0.05  # [s] between looks at whether ROS is still there
+_LOOK = 0.05  # [s] between checks whether ROS still runs
 _SERVICE = 'change_state'
 
 
 class ManagedSimNode(LifecycleNodeMixin, SimNode):
     """
-    Simulates a scene as `SimNode` does, in the states of managed nodes.
+    Simulate a scene as `SimNode`, with the states of managed nodes.
 
-    Unconfigured: there is no scene. Inactive: the scene is built and time stands still. Active:
-    time passes. Each transition answers when it is done, and all other services meanwhile;
-    `configure` fails when the scene cannot be built, with the reason in the log, or when
-    `~/cancel_reload` cancels it. `~/set_pause` works in any state.
+    Unconfigured: there is no scene. Inactive: the scene is built and paused. Active: time passes.
+    Each transition answers when it is done, and all other services meanwhile; `configure` fails
+    if the scene cannot be built, with the reason in the log, or if `~/cancel_reload` cancels it.
+    `~/set_pause` works in any state.
     """
 
     def __init__(self, **options):
@@ -52,7 +52,7 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
             'deactivating': self._command('deactivate', lambda: self.session.set_pause(True)),
             'cleaningup': self._command('cleanup', self._drop_scene),
             'shuttingdown': self._shut_down}
-        # rclpy's own would keep the executor from everything else until a transition is done.
+        # That of rclpy would block the executor until a transition is done.
         self._service_change_state.callback = self._change_state
 
     async def _change_state(self, request: ChangeState.Request,
@@ -80,15 +80,15 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         return self._wait_for(self._works['configuring'])
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Let the time of the simulation run."""
+        """Run the simulation."""
         return self._wait_for(self._works['activating'])
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Stop the time of the simulation."""
+        """Pause the simulation."""
         return self._wait_for(self._works['deactivating'])
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Do away with the scene."""
+        """Remove the scene."""
         return self._wait_for(self._works['cleaningup'])
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -111,7 +111,7 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         answer(True, 'the node ends')
 
     def _drop_scene(self) -> str:
-        with suppress(CommandError):  # nothing is being built in its place
+        with suppress(CommandError):  # no other scene is being built
             self.builder.cancel()
         self.session.close()
         self.session.paused = True
@@ -120,7 +120,7 @@ class ManagedSimNode(LifecycleNodeMixin, SimNode):
         return 'no scene'
 
     def _wait_for(self, begin: Callable[[Answer], None]) -> TransitionCallbackReturn:
-        """Begin with something and wait for its end, as callers of `trigger_configure` do."""
+        """Begin a transition and wait for its end, as callers of `trigger_configure` do."""
         answers: Queue[tuple[bool, str]] = Queue()
         status = RateLimiter(1.0)
         begin(lambda success, message: answers.put((success, message)))

@@ -47,8 +47,8 @@ from procphys_ros.scene.parameter_table import GLOBAL, listing, OBJECT
 from procphys_ros.scene.settings import read_settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
-_LONGEST_TURN = 0.05  # [s] of steps before commands are looked at again
-_LONGEST_REST = 0.25  # [s] before late joiners are looked for again, while nothing moves
+_LONGEST_TURN = 0.05  # [s] of steps between checks for commands
+_LONGEST_REST = 0.25  # [s] between checks for late joiners while time stands still
 _LAST_TURN = 0.3  # [s] that each of four threads may take to end; the node ends within 2 s
 _WARNING_PERIOD = 1.0  # [s] least time between warnings about rejected commands
 
@@ -64,17 +64,16 @@ def _with_parameters(node: type[Node]) -> type[Node]:
 @_with_parameters
 class SimNode(Node):
     """
-    Simulates a scene of trees and buildings and shows it on topics.
+    Simulate a scene of trees and buildings and publish it on topics.
 
-    Three threads share the work. One talks to ROS: it checks parameters and answers services. One
-    takes the commands that come on topics. The third owns the simulation and takes turns: carry
-    out what waits in the one queue of commands, run the steps that are due, publish. So the node
-    answers also while a step takes long. The node publishes /clock, so it never uses ROS time
-    itself.
+    Three threads share the work. One spins ROS: it checks parameters and serves services. One
+    receives commands from topics. The third owns the simulation and takes turns: execute the
+    commands of the single queue, run the steps that are due, publish. So the node answers during
+    long steps, too. The node publishes /clock, so it never uses ROS time itself.
 
     Publishers (all reliable):
         ~/poses (geometry_msgs/PoseArray, depth 5): every part, in part order
-        ~/markers (visualization_msgs/MarkerArray, depth 100): what changed; all of it for a new
+        ~/markers (visualization_msgs/MarkerArray, depth 100): changes; the full set for a new
             subscriber
         ~/scene_description (std_msgs/String, depth 1, latched): objects, parts, bonds as JSON
         ~/ground (visualization_msgs/MarkerArray, depth 1, latched): terrain and paving of streets
@@ -84,37 +83,37 @@ class SimNode(Node):
         ~/leaf_poses (geometry_msgs/PoseArray, depth 5): petioles of all leaves, at `marker_rate`
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
         ~/lidar (sensor_msgs/PointCloud2, depth 5): ranges of the sensor of `lidar.*`, as an image
-        ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): wind at reference height, all included
+        ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): total wind at reference height
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
         ~/intruders/<name>/wrench (geometry_msgs/WrenchStamped, depth 5): on a named one, likewise
-        ~/ready (std_msgs/Bool, depth 1, latched): whether a scene is there
+        ~/ready (std_msgs/Bool, depth 1, latched): whether a scene is loaded
         /clock (rosgraph_msgs/Clock, depth 1): simulation time
         /tf (tf2_msgs/TFMessage, depth 100): a frame per object, if `publish_tf` and the package is
-            there
+            installed
         /diagnostics (diagnostic_msgs/DiagnosticArray, depth 5): once a second
 
     Subscribers (all reliable, depth 10000; of a node `<name>_commands`, see `receiver.py`):
         ~/wind (geometry_msgs/Vector3Stamped): mean air velocity [m/s]
         ~/impulse (geometry_msgs/WrenchStamped): [N·s], [N·m·s] on the part header.frame_id
         ~/wrench (geometry_msgs/WrenchStamped): the same as a lasting force [N], [N·m]
-        ~/explosion (geometry_msgs/PointStamped): where `explosion.charge` goes off
+        ~/explosion (geometry_msgs/PointStamped): position of a blast of `explosion.charge`
         ~/observer (geometry_msgs/PoseStamped): the camera for `culling.*`, looking along its x
-        ~/intruder (geometry_msgs/PoseStamped): where the body of `intruder.*` is to be
-        ~/intruders (geometry_msgs/PoseArray): the same of those of `intruders.names`, all at once
-        ~/intruders/<name> (geometry_msgs/PoseStamped): the same of one of them
+        ~/intruder (geometry_msgs/PoseStamped): next pose of the body of `intruder.*`
+        ~/intruders (geometry_msgs/PoseArray): the same for those of `intruders.names`, all at once
+        ~/intruders/<name> (geometry_msgs/PoseStamped): the same for one of them
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
         ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/clear_wrenches,
         ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload, ~/save_state,
         ~/inspect, ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
-        ~/simulation_interfaces/…, if that package is there: see `simulation_interfaces.py`
+        ~/simulation_interfaces/…, if that package is installed: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):
         {parameters}
 
-    :raises ProcPhysError: when the scene cannot be built.
+    :raises ProcPhysError: if the scene cannot be built.
     """
 
     def __init__(self, **options):
@@ -122,7 +121,7 @@ class SimNode(Node):
         try:
             self._set_up()
         except Exception:
-            Node.destroy_node(self)  # else it would stay among the others, without a scene
+            Node.destroy_node(self)  # else it would stay in the graph, without a scene
             raise
 
     def _set_up(self) -> None:
@@ -158,7 +157,7 @@ class SimNode(Node):
         self._start()
 
     def _offer(self) -> None:
-        """Take commands on topics and services."""
+        """Create the topics and services for commands."""
         frame = self.parameters['world_frame']
         requests = Requests(self.parameters, self.session)
         self.topics = TopicCommands(self, self.commands, self.session, requests, frame,
@@ -171,12 +170,12 @@ class SimNode(Node):
         self._loading, self._answers = loading, answers
 
     def _start(self) -> None:
-        """Start everything that runs by itself."""
+        """Start all threads and timers."""
         self._warn_about_settings()
         say = self.get_logger().info
         self._watched = LongWork(self.loop.activity, say), LongWork(self.builder.activity, say)
         self._clocks = self._namesakes = 1
-        self.has_told_end = False  # who runs the node may do so instead, as `running` does
+        self.has_told_end = False  # the process may do so instead, as `running` does
         self._unheard: set[str] = set()
         status = self.parameters['status_line']
         self._has_status_line = status == 'on' or (
@@ -195,7 +194,7 @@ class SimNode(Node):
         """
         End the simulation, then the node.
 
-        :returns: whether all threads have ended; one that computes cannot be made to.
+        :returns: whether all threads have ended; a computing one cannot be stopped.
         """
         self._compilation.close()
         ended = [thread.stop(_LAST_TURN)
@@ -207,7 +206,7 @@ class SimNode(Node):
         return all(ended)
 
     def _turn(self) -> float:
-        """Carry out commands, run the steps that are due, publish; say when to come again [s]."""
+        """Execute commands, run the steps that are due, publish; return the time to wait [s]."""
         has_news = self.commands.drain() or self._output.has_late_joiners
         if not self.session.has_scene:
             return _LONGEST_TURN
@@ -220,7 +219,7 @@ class SimNode(Node):
         return min(self._limiter.wait, _LONGEST_REST if rests else _LONGEST_TURN)
 
     def _choose_rate(self, has_news: bool) -> None:
-        """Publish seldom what has stood still so long that all of it was told."""
+        """Lower the publishing rate after a time of standstill."""
         if has_news:
             self._lively_until = monotonic() + _STATUS_PERIOD
         seldom = min(self._publish_rate, 1.0 / _STATUS_PERIOD)
@@ -240,7 +239,7 @@ class SimNode(Node):
             self._moved = False
 
     def _guard(self, what: str, act: Callable[[], None]) -> None:
-        """Do something; if it goes wrong, time stands still and the node goes on."""
+        """Execute a function; after an error time stands still and the node goes on."""
         try:
             act()
         except Exception as error:
@@ -270,7 +269,7 @@ class SimNode(Node):
         return min(1.0 / self._publish_rate, _LONGEST_TURN)
 
     def _change(self, names: set[str]) -> None:
-        """Have changed parameters take effect; they have been checked before."""
+        """Apply changed parameters; they have been checked before."""
         wind = (read_settings(self.parameters.nested()).wind
                 if any(name.startswith('wind.') for name in names) else None)
         self.commands.call(Command('set_parameters', lambda: self._apply(names, wind)))
@@ -288,13 +287,13 @@ class SimNode(Node):
         return f'{", ".join(sorted(names))} changed'
 
     def _tell_wind(self) -> None:
-        """Set the parameter to the present wind, however that came about."""
+        """Set the parameter to the present wind, whatever changed it."""
         velocity = list(self.session.mean_wind)
         if self.parameters['wind.velocity'] != velocity:
             self.parameters.tell('wind.velocity', velocity)
 
     def _report(self) -> None:
-        """Log the state once a second."""
+        """Log and publish the state; called once a second."""
         self.diagnostics.publish()
         self._tell_end()
         for work in self._watched:
@@ -305,7 +304,7 @@ class SimNode(Node):
             self._print_status()
 
     def _tell_end(self) -> None:
-        """Log once why the node has ended, to whom it goes on in a process of their own."""
+        """Log once why the node has ended, for a process that goes on."""
         error = self.loop.ended.exception() if self.loop.ended.done() else None
         if error is not None and not self.has_told_end:
             self.has_told_end = True
@@ -313,7 +312,7 @@ class SimNode(Node):
             self.get_logger().fatal(self.session.without_scene)
 
     def _warn_of_others(self) -> None:
-        """Log once when other nodes publish the time, too, or have the name of this one."""
+        """Log once if other nodes publish the time, too, or have the name of this one."""
         clocks = self._output.clocks
         if clocks > max(self._clocks, 1):
             self.get_logger().warning(f'{clocks} nodes publish /clock, time will jump for all '
@@ -329,7 +328,7 @@ class SimNode(Node):
         self._namesakes = namesakes
 
     def _warn_of_unheard(self) -> None:
-        """Log once for each topic when commands on it do not come through."""
+        """Log once for each topic if commands on it are not received."""
         for topic, (sender, reason) in self.topics.unheard().items():
             if topic not in self._unheard:
                 self.get_logger().warning(
@@ -347,13 +346,13 @@ class SimNode(Node):
             self.get_logger().warning(f'no more status lines: {error.strerror}')
 
     def report_defect(self, error: Exception) -> None:
-        """Log what went wrong in the thread that talks to ROS, which goes on."""
+        """Log an error in the ROS thread, which goes on."""
         self.get_logger().error(f'a message or a request was dropped: {describe(error)}',
                                 throttle_duration_sec=_WARNING_PERIOD)
         self._log_traceback(error)
 
     def _report_rejection(self, name: str, reason: str, defect: Exception | None) -> None:
-        if not self.context.ok():  # ROS has gone, and took what was under way with it
+        if not self.context.ok():  # ROS was shut down, and interrupted the command
             return
         if self._warnings.is_due():  # the logger's own throttle takes 0.2 ms per call
             self.get_logger().warning(f'{name} rejected: {reason}')
@@ -376,7 +375,7 @@ class SimNode(Node):
 
 
 def banner(node: SimNode) -> str:
-    """Describe what runs and where to look, with remapped names."""
+    """Describe the scene and its topics, with remapped names."""
     everywhere = ('/rosout', '/parameter_events')
     topics = node.get_publisher_names_and_types_by_node(node.get_name(), node.get_namespace())
     sent = sorted(topic for topic, _ in topics

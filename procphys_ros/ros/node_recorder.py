@@ -34,19 +34,19 @@ from procphys_ros.ros import qos
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
 
-_TURN = 0.05  # [s] between looks at the clock
+_TURN = 0.05  # [s] between checks of the clock
 _WRENCH = 'intruder_wrench'
 _OF_INTRUDERS = re.compile('intruders/[^/]+/wrench')
 
 
 class NodeRecorder:
     """
-    Subscribes to all that a node publishes, and writes whole frames once a second.
+    Subscribe to all topics of a node, and write full frames once a second.
 
-    :param node: subscribes.
-    :param source: absolute name of the node that publishes.
-    :param writer: takes the messages.
-    :ivar failure: why the recording has ended; None = it goes on.
+    :param node: of the subscriptions.
+    :param source: absolute name of the publishing node.
+    :param writer: receives the messages.
+    :ivar failure: error that ended the recording; None = it goes on.
     """
 
     def __init__(self, node: Node, source: str, writer: Writer):
@@ -59,12 +59,12 @@ class NodeRecorder:
         for topic in TOPICS:
             self._subscribe(topic)
         self._find_intruders()
-        # Of its own: with use_sim_time a node waits for the clock, which may stand still.
+        # A separate clock: with use_sim_time a node waits for the clock, which may stand still.
         node.create_timer(FULL_EVERY, self._look,
                           clock=Clock(clock_type=ClockType.STEADY_TIME))
 
     def remark(self) -> str:
-        """Say so when nothing has come to look at, and why that may be."""
+        """Return a remark if no markers were received, with a possible reason."""
         if len(self._markers):
             return ''
         return (f'; none on {self._name("markers")}: where the node has remapped it, remap it '
@@ -72,13 +72,13 @@ class NodeRecorder:
 
     def _subscribe(self, topic: str) -> None:
         kind, published = TOPICS.get(topic, TOPICS[_WRENCH])
-        profile = qos.changes()  # also of what only the newest counts of, else some are missed
+        profile = qos.changes()  # even where only the newest counts, else some are missed
         profile.durability = published.durability
         self._node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
                                        raw=True)
 
     def _find_intruders(self) -> None:
-        """Subscribe to the wrenches of intruders that have names."""
+        """Subscribe to the wrenches of named intruders."""
         own = f'{self._source}/'
         for full, kinds in self._node.get_topic_names_and_types():
             topic = full.removeprefix(own)
@@ -106,7 +106,7 @@ class NodeRecorder:
         return take
 
     def _fill(self) -> None:
-        """Write whole frames, so that whoever opens the file here sees everything."""
+        """Write full frames, so that playback can start here."""
         self._full_due = monotonic() + FULL_EVERY
         if len(self._markers):
             self._write('markers', self._markers.whole())
@@ -124,15 +124,15 @@ class NodeRecorder:
 
 def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[], bool]) -> str:
     """
-    Record a node until told to end.
+    Record a node until the end is signalled.
 
     :param said: `out`, `node`, `seconds` and `timeout`.
     :param ros_words: arguments for ROS.
-    :param ended: says when to end.
-    :returns: what was recorded, in one line.
-    :raises RecordingError: when the file cannot be written (any further).
-    :raises LookupError: when the node is not found.
-    :raises SceneError: when the arguments for ROS cannot be read.
+    :param ended: returns whether to end.
+    :returns: summary of the recording, in one line.
+    :raises RecordingError: if the file cannot be written (any further).
+    :raises LookupError: if the node is not found.
+    :raises SceneError: if the arguments for ROS are invalid.
     """
     start_ros(['record', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
     try:

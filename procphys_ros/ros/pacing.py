@@ -18,20 +18,20 @@
 from collections.abc import Callable
 from time import monotonic
 
-_STANDSTILL = 0.25  # [s] between two calls; what goes beyond it is let go
+_STANDSTILL = 0.25  # [s] between two calls; time beyond it is dropped
 
 
 class Pacer:
     """
-    Runs as many steps as real time asks for, within a budget of real time.
+    Run the steps that real time requires, within a budget of real time.
 
-    What could not be computed in time is let go: simulated time slows, nothing piles up.
+    Steps that miss the budget are dropped: simulated time slows, nothing piles up.
 
     :param time_step: length of a step [s].
     :param factor: simulated seconds per second; 0 = as many steps as the budget allows.
-    :param budget: real time that one call may spend on steps before it returns [s].
-    :param clock: gives steady real time [s].
-    :ivar simulated: time that all steps together have simulated [s].
+    :param budget: real time for steps in one call [s].
+    :param clock: returns steady real time [s].
+    :ivar simulated: total simulated time [s].
     :ivar is_behind: whether the last call left steps that are due.
     """
 
@@ -45,7 +45,7 @@ class Pacer:
         self.restart()
 
     def restart(self) -> None:
-        """Start anew from now, owing nothing (after a pause, a reset, a slow command)."""
+        """Restart from now without a backlog (after a pause, a reset, a slow command)."""
         self._last = self._clock()
         self._owed = 0.0
         self.is_behind = False
@@ -56,11 +56,11 @@ class Pacer:
         Run the steps that are due.
 
         :param step: computes one step.
-        :param is_called: asked between two steps; True = the rest must wait for the next call.
-        :returns: how many were run.
+        :param is_called: checked between two steps; True = the rest waits for the next call.
+        :returns: number of steps run.
         """
         now = self._clock()
-        # After a standstill of the process (a slow command, a busy machine) nothing is made up.
+        # After a standstill of the process (a slow command, a busy machine) nothing is caught up.
         self._owed += min(now - self._last, _STANDSTILL) * self.factor
         self._last = now
         steps = 0
@@ -77,16 +77,16 @@ class Pacer:
         return steps
 
     def _is_due(self) -> bool:
-        # The small share makes a clock that ticks just short of a step count as on time.
+        # The tolerance makes a clock that ticks just short of a step count as on time.
         return self.factor == 0.0 or self._owed >= 0.999 * self.time_step
 
 
 class Speedometer:
     """
-    Measures how fast simulated time passes.
+    Measure the real-time factor.
 
-    :param pacer: simulates, in whatever thread.
-    :param clock: gives steady real time [s].
+    :param pacer: runs the simulation, in any thread.
+    :param clock: returns steady real time [s].
     """
 
     def __init__(self, pacer: Pacer, clock: Callable[[], float] = monotonic):
@@ -95,7 +95,7 @@ class Speedometer:
         self._since, self._simulated = clock(), pacer.simulated
 
     def read(self) -> float:
-        """Give simulated over real time since the last call; also while a step goes on."""
+        """Return simulated over real time since the last call; also during a step."""
         now, simulated = self._clock(), self._pacer.simulated
         elapsed, passed = now - self._since, simulated - self._simulated
         self._since, self._simulated = now, simulated
@@ -104,11 +104,11 @@ class Speedometer:
 
 class RateLimiter:
     """
-    Says when something is due that is done at a fixed rate; what is missed is not made up.
+    Decide when periodic work is due; missed periods are not made up.
 
     :param rate: [Hz].
-    :param early: share of its period that a limiter may come early, for turns that jitter.
-    :param clock: gives steady real time [s].
+    :param early: share of its period that it may be due early, as turns jitter.
+    :param clock: returns steady real time [s].
     :ivar rate: [Hz].
     """
 
@@ -120,7 +120,7 @@ class RateLimiter:
 
     @property
     def wait(self) -> float:
-        """Give the time until it is due [s]; at most one period, also after `rate` has changed."""
+        """Return the time until it is due [s]; at most one period, also after `rate` changes."""
         self._next = min(self._next, self._clock() + 1.0 / self.rate)
         return max(0.0, self._next - self._clock())
 

@@ -45,23 +45,23 @@ from procphys_ros.view.commands import (
 )
 from procphys_ros.view.source import shortened
 
-_TURN = 0.1      # [s] between looks at whether it is to end
+_TURN = 0.1      # [s] between checks for its end
 _TIMEOUT = 3.0   # [s] to look for the node
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
-_LOOK = 1.0      # [s] between looks at the wind that the node has
-# What a scene brings besides what a reload reads: its wind, and what cues take from groups.
+_LOOK = 1.0      # [s] between reads of the node's wind
+# Parameters that a scene has besides those of a reload: its wind, and the groups of cues.
 _OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.')
 
 
 class PageCommands:
     """
-    Says commands to a node in a thread of its own, because each waits for its answer.
+    Send commands to a node in a separate thread, because each waits for its answer.
 
     :param name: of the node.
-    :param patience: how long to wait for an answer [s]; a node that dies gives none.
+    :param patience: time to wait for an answer [s]; a node that dies gives none.
     :ivar answer: to the last command.
-    :ivar known: mean wind that the node was last found to have [m/s], (3,).
-    :ivar scene: what the node runs; '' = not known yet.
+    :ivar known: last known mean wind of the node [m/s], (3,).
+    :ivar scene: name of the node's scene; '' = not known yet.
     """
 
     def __init__(self, name: str, patience: float):
@@ -69,7 +69,7 @@ class PageCommands:
         self.answer = ''
         self.known: tuple[float, float, float] = (0.0, 0.0, 0.0)
         self.scene = ''
-        self._is_new = True  # the scene, so that its name has to be found
+        self._is_new = True  # so that the name of the scene has to be found
         self._queue: Queue[Any] = Queue()
         self._ended = Event()
         self._thread = Thread(target=self._work, name='commands', daemon=True)
@@ -77,21 +77,21 @@ class PageCommands:
         self._next_look = 0.0
 
     def start(self) -> None:
-        """Begin to carry commands out."""
+        """Begin to execute commands."""
         self._thread.start()
 
     def close(self) -> None:
-        """End, after the command under way."""
+        """End, after the present command."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join(_TIMEOUT)
 
     def put(self, command: Any) -> None:
-        """Have a command carried out."""
+        """Queue a command."""
         self._queue.put(command)
 
     def find_scene(self) -> None:
-        """Find out what the node runs, at the next look at it."""
+        """Find the name of the node's scene at the next turn."""
         self._is_new = True
 
     def _work(self) -> None:
@@ -128,7 +128,7 @@ class PageCommands:
             self.answer = str(error)
 
     def _answer_to(self, remote: Remote, commands: Sequence[Any]) -> str:
-        """Carry commands out; give the refusals, which hold up no others, or the answer."""
+        """Execute commands; return the refusals, which stop no others, or the answer."""
         refusals, answer, is_new = [], '', False
         for command in commands:
             if is_new and isinstance(command, CLICKS):
@@ -146,7 +146,7 @@ class PageCommands:
         return '; '.join(refusals) or answer
 
     def _take(self) -> list[Any]:
-        """Wait a moment for commands; of the positions of a slider only the last counts."""
+        """Wait a moment for commands; keep only the last position of each slider."""
         waiting = []
         try:
             waiting.append(self._queue.get(timeout=_TURN))
@@ -161,25 +161,25 @@ class PageCommands:
 
 def carry_out(remote: Remote, command: Any) -> str:
     """
-    Say a command of a page to a node.
+    Send a command of a page to a node.
 
     :param remote: the node.
     :param command: see `Source.say`.
-    :returns: what the node answers.
-    :raises CommandError: when it refuses.
-    :raises SceneError: when a scene file cannot be read.
-    :raises NoNodeError: when it does not answer.
+    :returns: the answer of the node.
+    :raises CommandError: if it refuses.
+    :raises SceneError: if a scene file cannot be read.
+    :raises NoNodeError: if it does not answer.
     """
     return _ACTIONS[type(command)](remote, command) or ''
 
 
 def scene_of(remote: Remote, objects: Sequence[str]) -> str:
     """
-    Name the shipped scene that a node has the objects of, with the same parameters.
+    Return the name of the shipped scene with the objects and parameters of a node.
 
     :param remote: the node.
     :param objects: their names.
-    :returns: the names of the objects where it is none of them.
+    :returns: the names of the objects if there is none.
     """
     for name, given in _shipped().items():
         own = [key for key in given if key.partition('.')[0] in objects]
@@ -219,7 +219,7 @@ def _gust(remote: Remote, gust: StartGust) -> str:
 
 
 def _load(remote: Remote, scene: LoadScene) -> str:
-    """Give the node the parameters of a scene file, and what the file leaves out its default."""
+    """Set the parameters of a scene file on the node; reset missing ones to their defaults."""
     given = dict(flat(read_yaml(scene.path)))
     objects = list(given.get('scene.objects', []))
     wanted = {p.name: p.default for p in GLOBAL if _belongs_to_scene(p)}

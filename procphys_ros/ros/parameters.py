@@ -52,9 +52,9 @@ from procphys_ros.scene.yaml_file import read_yaml
 
 class UnknownParameterError(ParameterNotDeclaredException):
     """
-    A change of parameters that do not exist; rclpy itself forgets the name of the first one.
+    A change of parameters that do not exist; rclpy itself loses the name of the first one.
 
-    :param message: names them.
+    :param message: with the names.
     """
 
     def __init__(self, message: str):
@@ -63,23 +63,23 @@ class UnknownParameterError(ParameterNotDeclaredException):
 
 class Parameters:
     """
-    The node's parameters with their present values, checked and in the types of the table.
+    Store the node's parameters with their present values, checked and in the types of the table.
 
     Types are declared dynamic and checked here, because a statically typed double refuses an
     integer (`wind.velocity: [5, 0, 0]` would stop the node). Changes replace the values as a
     whole, so another thread may read them at any time.
 
-    :param node: the node that they are declared on.
+    :param node: the node that declares them.
     :ivar bounds: of the files that they may name.
     :ivar is_demo: whether no scene was given, so that the parameters are those of the demo.
-    :raises SceneError: when a value given at start is not allowed.
+    :raises SceneError: if a value given at start is not allowed.
     """
 
     def __init__(self, node: Node):
         self._node = node
         self._values: dict[str, Any] = {}
         self._objects: list[str] = []
-        # Rows and values of objects that a change brings, which are not declared yet.
+        # Rows and values of objects in a change, which are not declared yet.
         self._joining: dict[str, tuple[Parameter, Any]] = {}
         self._on_change: Callable[[set[str]], None] = lambda names: None
         self._defaults = {} if 'scene.objects' in node._parameter_overrides else demo()
@@ -97,25 +97,25 @@ class Parameters:
         return self._values[name]
 
     def on_change(self, callback: Callable[[set[str]], None]) -> None:
-        """Have a function called with the names that changed, after they have."""
+        """Register a function called with the names of changed parameters."""
         self._on_change = callback
 
     def nested(self) -> dict[str, Any]:
-        """Give the present values as `Scene.from_parameters` reads them."""
+        """Return the present values as read by `Scene.from_parameters`."""
         return nested(self._values, self._objects)
 
     def tell(self, name: str, value: Any) -> None:
-        """Give a parameter the value that already holds; nobody is called for it."""
+        """Set a parameter to the value in effect, without a call of the change function."""
         on_change, self._on_change = self._on_change, lambda names: None
         self._node.set_parameters([RosParameter(name, value=value)])
         self._on_change = on_change
 
     def given(self) -> dict[str, Any]:
-        """Give the values that ROS was given at start."""
+        """Return the values that ROS was given at start."""
         return {name: given.value for name, given in self._node._parameter_overrides.items()}
 
     def unused_overrides(self) -> list[str]:
-        """Say in few lines which values given at start are those of no parameter."""
+        """Describe in few lines the values given at start that belong to no parameter."""
         return unused((name for name, value in self.given().items()
                        if value is not None and name not in self._values), self._objects)
 
@@ -126,16 +126,16 @@ class Parameters:
         declared = self._node.declare_parameter(name, default, writable, name in given)
         value = parameter.read(declared.value, name)
         self._values = {**self._values, name: value}
-        if not value and parameter.takes_any_length:  # rclpy cannot tell what it is a list of
+        if not value and parameter.takes_any_length:  # rclpy cannot infer the type of its items
             self._node.set_parameters([_typed(parameter, name)])
         if parameter.read_only:
             self._node.set_descriptor(name, _descriptor(parameter))
 
     def _declare_objects(self, given: Mapping[str, Any]) -> None:
         """
-        Declare the parameters of objects that are new in `scene.objects`.
+        Declare the parameters of new objects in `scene.objects`.
 
-        :param given: values, by full name, that came with the objects.
+        :param given: values, by full name, from the same change.
         """
         check_object_names(self._values['scene.objects'])
         for name in self._values['scene.objects']:
@@ -146,12 +146,12 @@ class Parameters:
 
     def _prepare(self, changes: list[RosParameter]) -> list[RosParameter]:
         """
-        Let a list be emptied however that is said: tools send no value, or no type.
+        Accept an empty list in any form: tools send no value, or no type.
 
-        Parameters of objects that the same change brings are put aside; they are declared with
-        their values when the change has been accepted.
+        Parameters of new objects in the same change are stored, and declared with their values
+        when the change has been accepted.
 
-        :raises UnknownParameterError: when there is no such parameter.
+        :raises UnknownParameterError: if there is no such parameter.
         """
         objects = [*self._objects, *_new_objects(changes)]
         absent = [c for c in changes if not self._node.has_parameter(c.name)]
@@ -172,10 +172,10 @@ class Parameters:
         return typed
 
     def _check(self, changes: list[RosParameter]) -> SetParametersResult:
-        """Judge changes without any side effect; what is not ours is not refused."""
+        """Validate changes without side effects; foreign parameters are accepted."""
         own = [(change, parameter) for change in changes
                if (parameter := find(change.name, self._objects)) is not None]
-        if not own:  # as of the dozens for qualities of service, which rclpy declares
+        if not own:  # such as the dozens for qualities of service, which rclpy declares
             return SetParametersResult(successful=True)
         try:
             values = dict(self._values)
@@ -190,7 +190,7 @@ class Parameters:
         return SetParametersResult(successful=True)
 
     def _take_over(self, changes: list[RosParameter]) -> None:
-        """Store changes that have been accepted, and pass them on."""
+        """Store accepted changes, and notify the listener."""
         values = dict(self._values)
         for change in changes:
             parameter = find(change.name, self._objects)
@@ -205,7 +205,7 @@ class Parameters:
 
 
 def _check_groups(values: Mapping[str, Any]) -> None:
-    """Raise SceneError when values that are allowed one by one make no sense together."""
+    """Raise SceneError if individually valid values are invalid together."""
     carriers = (INTRUDER, *read_settings(values).intruders.names)
     carrier = LidarSettings(**values.get('lidar', {})).attached_to
     if carrier and carrier not in carriers:
@@ -214,12 +214,12 @@ def _check_groups(values: Mapping[str, Any]) -> None:
 
 
 def demo() -> dict[str, Any]:
-    """Give the parameters of the demo by their full names."""
+    """Return the parameters of the demo by their full names."""
     return dict(flat(read_yaml(shared_folder() / 'config' / 'demo.yaml')))
 
 
 def _new_objects(changes: list[RosParameter]) -> list[str]:
-    """Give the names of objects that a change of several parameters brings, or tries to."""
+    """Return the names of objects in a change of several parameters."""
     values = next((c.value for c in changes if c.name == 'scene.objects'), None)
     return [v for v in values if isinstance(v, str)] if isinstance(values, (list, tuple)) else []
 
@@ -230,7 +230,7 @@ def _is_empty(value: Any) -> bool:
 
 
 def _typed(parameter: Parameter, name: str) -> RosParameter:
-    """Make an empty list that knows what it is a list of."""
+    """Make an empty list with the type of its items."""
     of_numbers, of_texts = RosParameter.Type.DOUBLE_ARRAY, RosParameter.Type.STRING_ARRAY
     return RosParameter(name, of_numbers if parameter.any_length else of_texts, [])
 

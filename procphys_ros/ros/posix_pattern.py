@@ -28,18 +28,18 @@ from procphys_ros.errors import CommandError
 from procphys_ros.schema import short
 
 _LONGEST = 1000  # [characters] of an expression
-_LARGEST = 2000  # [instructions] of an expression whose repetitions are written out
+_LARGEST = 2000  # [instructions] of an expression with its repetitions expanded
 _WORK = 300_000  # [comparisons] in all searches for an expression: at most half a second
 _CLASSES = {'alnum': ['az', 'AZ', '09'], 'alpha': ['az', 'AZ'], 'blank': [' ', '\t'],
             'digit': ['09'], 'lower': ['az'], 'punct': ['!/', ':@', '[`', '{~'],
             'space': ['\t\r', ' '], 'upper': ['AZ'], 'xdigit': ['09', 'AF', 'af']}
 _SHORT = {'d': _CLASSES['digit'], 's': _CLASSES['space'], 'w': [*_CLASSES['alnum'], '_']}
 _START, _END = '^', '$'
-_TIMES = {'*': (0, None), '+': (1, None), '?': (0, 1)}  # at least and at most
+_TIMES = {'*': (0, None), '+': (1, None), '?': (0, 1)}  # least and largest count
 
 
 class _Characters:
-    """A set of characters: ranges such as `az`, or all that is not in them."""
+    """A set of characters: ranges such as `az`, or their complement."""
 
     def __init__(self, ranges: Sequence[str], inverted: bool = False):
         self.ranges, self._inverted = ranges, inverted
@@ -48,16 +48,16 @@ class _Characters:
         return self._inverted != any(r[0] <= character <= r[-1] for r in self.ranges)
 
 
-# What is to be met next, or by how many instructions it may go on from here.
+# The next characters to match, or relative jumps to instructions.
 _Code = list[_Characters | str | tuple[int, ...]]
 
 
 class Pattern:
     r"""
-    Finds an expression in names.
+    Search for an expression in names.
 
     :param text: extended regular expression; also takes the classes \d, \s, \w, \D, \S, \W.
-    :raises CommandError: when it is none, or is too large.
+    :raises CommandError: if it is invalid, or too large.
     """
 
     def __init__(self, text: str):
@@ -68,9 +68,9 @@ class Pattern:
 
     def is_in(self, name: str) -> bool:
         """
-        Return whether the expression fits some part of a name.
+        Return whether the expression matches some part of a name.
 
-        :raises CommandError: when the names so far have taken too long.
+        :raises CommandError: if the names so far have taken too long.
         """
         places: frozenset[int] | None = frozenset([0])
         for i, character in enumerate([*name, '']):
@@ -85,7 +85,7 @@ class Pattern:
 
     def _follow(self, places: frozenset[int], is_first: bool,
                 character: str) -> frozenset[int] | None:
-        """Give the instructions behind the next character ('' = the end); None = all is met."""
+        """Return the instructions after the next character ('' = the end); None = matched."""
         code, reached, following = self._code, list(places), {0}
         seen = set(reached)
         while reached:
@@ -111,7 +111,7 @@ class Pattern:
 
 
 class _Reader:
-    """Turns an expression into instructions; those of what is in brackets lie on a stack."""
+    """Compile an expression to instructions; a stack holds those of open brackets."""
 
     def __init__(self, text: str):
         self._text, self._place = text, 0
@@ -119,9 +119,9 @@ class _Reader:
 
     def read(self) -> _Code:
         """
-        Read all of it.
+        Read the whole expression.
 
-        :raises CommandError: when it is no expression, or is too large.
+        :raises CommandError: if it is invalid, or too large.
         """
         if len(self._text) > _LONGEST:
             self._refuse(f'it is longer than {_LONGEST} characters')
@@ -152,12 +152,12 @@ class _Reader:
             self._add([self._escaped() if character == '\\' else _Characters([character])])
 
     def _next(self) -> str:
-        """Take a character; '' at the end."""
+        """Return the next character; '' at the end."""
         self._place += 1
         return self._text[self._place - 1:self._place]
 
     def _until(self, end: str) -> str:
-        """Take all that comes before an end, and the end."""
+        """Return the text up to a delimiter, and skip both."""
         found = self._text.find(end, self._place)
         if found < 0:
             self._refuse(f'a {end} is missing')
@@ -174,7 +174,7 @@ class _Reader:
         return code
 
     def _close(self) -> _Code:
-        """Join what was opened last."""
+        """Join the alternatives of the last bracket."""
         *others, last = [[step for piece in pieces for step in piece]
                          for pieces in self._open.pop()]
         for other in reversed(others):
@@ -195,7 +195,7 @@ class _Reader:
         pieces[-1] = piece * low + more
 
     def _interval(self) -> tuple[int, int | None]:
-        """Read how often something comes, behind a {."""
+        """Read the limits of a repetition, after a {."""
         inner = self._until('}')
         first, comma, last = inner.partition(',')
         if not all(n.isdecimal() or (comma and not n) for n in (first, last or '0')):
@@ -208,7 +208,7 @@ class _Reader:
         return low, high
 
     def _escaped(self) -> _Characters:
-        """Read what follows a backslash."""
+        """Read the character after a backslash."""
         character = self._next()
         if character.lower() in _SHORT:
             return _Characters(_SHORT[character.lower()], character.isupper())
@@ -217,7 +217,7 @@ class _Reader:
         return _Characters([character])
 
     def _bracket(self) -> _Characters:
-        """Read a set of characters, behind a [."""
+        """Read a set of characters, after a [."""
         inverted = self._text.startswith('^', self._place)
         self._place += inverted
         ranges: list[str] = []

@@ -41,17 +41,17 @@ from procphys_ros.ros.transforms import TransformPublisher
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.simulation import Simulation
 
-_EARLY = 0.2  # share of their period that markers may come early, for turns that jitter
+_EARLY = 0.2  # share of their period that markers may come early, as turns jitter
 _DESCRIPTIONS = 2.0  # [Hz] highest rate of latched messages while they change
 
 
 class Publishers:
     """
-    Publishes the state of a simulation; the expensive topics only while somebody listens.
+    Publish the state of a simulation; the expensive topics only with subscribers.
 
     :param node: the node that publishes.
-    :param frame: `frame_id` of everything.
-    :param parameters: say how often, and what the markers look like.
+    :param frame: `frame_id` of all messages.
+    :param parameters: rates, and style of the markers.
     """
 
     def __init__(self, node: Node, frame: str, parameters: Parameters):
@@ -78,7 +78,7 @@ class Publishers:
         self._leaves = LeafPublisher(node, frame)
         self._transforms = TransformPublisher(node, frame) if parameters['publish_tf'] else None
         self._ready.publish(Bool(data=False))
-        # Time has one source, also when several nodes share a scene.
+        # Time has one source, also if several nodes share a scene.
         self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
                        if parameters['publish_clock'] and parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
@@ -95,31 +95,31 @@ class Publishers:
 
     @property
     def has_late_joiners(self) -> bool:
-        """Return whether new subscribers are to be told everything now."""
+        """Return whether new subscribers need the full state now."""
         trackers = [self._new_to_poses, self._new_to_markers, self._leaves.new]
         trackers += [] if self._transforms is None else [self._transforms.new]
         return any(tracker.would_be_told for tracker in trackers)
 
     @property
     def clocks(self) -> int:
-        """Count the publishers of the topic that this one publishes time on."""
+        """Return the number of publishers of the clock topic; 0 = this node publishes none."""
         return (0 if self._clock is None
                 else len(self._node.get_publishers_info_by_topic(self._clock.topic_name)))
 
     def start_scene(self, simulation: Simulation) -> None:
-        """Announce a scene that has been loaded; whoever watches gets all of it anew."""
+        """Announce a loaded scene; subscribers get its full state."""
         self.reset(simulation)
         self._show_ground(simulation)
         self._describe(simulation)
         self._ready.publish(Bool(data=True))
 
     def close(self) -> None:
-        """Wait for the message that is being written, whatever becomes of it."""
-        with suppress(Exception):  # ROS may have gone under its hands
+        """Wait for the message being written, and ignore its errors."""
+        with suppress(Exception):  # ROS may have been shut down meanwhile
             self._wait_for_markers()
 
     def end_scene(self) -> None:
-        """Announce that there is no scene any more, and clear what viewers show of it."""
+        """Announce that there is no scene any more, and clear it in viewers."""
         self.close()
         if self._scene_markers is not None:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
@@ -128,16 +128,16 @@ class Publishers:
         self._ready.publish(Bool(data=False))
 
     def reset(self, simulation: Simulation) -> None:
-        """Restart, because time has jumped."""
+        """Restart after a jump of time."""
         self._describer: SceneDescription | None = None
-        # What breaks at the start is news; what a saved state brings along was told before.
+        # Breaks at the start are new; those of a saved state were published before.
         self._told_breaks = simulation.log.total if simulation.time > 0.0 else 0
         self._has_news_of_breaks = True
         self._broken_limiter.hasten()
         self.restart()
 
     def restart(self) -> None:
-        """Send all markers next, in place of what was shown, and the description."""
+        """Publish all markers next, in place of the shown ones, and the description."""
         self.close()
         if self._scene_markers is not None and self._style().shard:
             self._markers.publish(self._scene_markers.deletions((0, 0)))
@@ -159,7 +159,7 @@ class Publishers:
         :param has_moved: whether steps were run since the last call.
         """
         at = messages.stamp(simulation.time)
-        # While time stands still, commands may put something in or elsewhere.
+        # While time stands still, commands may add or move something.
         poses = simulation.state.shown_poses()
         has_moved = has_moved or not np.array_equal(poses, self._last, equal_nan=True)
         if has_moved:
@@ -185,7 +185,7 @@ class Publishers:
             self._publish_wrenches(simulation, at)
 
     def _follow_content(self, simulation: Simulation) -> None:
-        """Draw anew what users put in, which may have leaves, and describe what there is."""
+        """Draw again after objects were added, which may have leaves, and describe the content."""
         if simulation.added != self._added:
             self._added = simulation.added
             self.restart()
@@ -193,7 +193,7 @@ class Publishers:
             self._describe(simulation)
 
     def _show_ground(self, simulation: Simulation) -> None:
-        """Publish the ground once per scene; late joiners get it, for the topic is latched."""
+        """Publish the ground once per scene; the topic is latched for late joiners."""
         terrain = simulation.model.terrain
         shown = thinned(terrain)
         if shown.edge > terrain.edge:
@@ -240,7 +240,7 @@ class Publishers:
         self._markers_sent = beside('markers', send, simulation.model.threads)
 
     def _wait_for_markers(self) -> None:
-        """Wait until the markers of an earlier frame have gone out; raises what went wrong."""
+        """Wait until the markers of an earlier frame are published; raise their error."""
         sent, self._markers_sent = self._markers_sent, lambda: None
         sent()
 
@@ -293,5 +293,5 @@ class Publishers:
 
 
 def _content(simulation: Simulation) -> tuple[int, int]:
-    """Give what changes whenever the description does."""
+    """Return the numbers that change with the description."""
     return len(simulation.blueprint), len(simulation.removed)

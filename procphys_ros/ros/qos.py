@@ -43,54 +43,54 @@ def _checked(profile: QoSProfile) -> QosCallbackResult:
         successful=False, reason=f'depth must be from 0 to {_DEEPEST}, found {profile.depth}')
 
 
-# What may be chosen for each topic by parameters, qos_overrides./sim/poses.publisher.depth and so
-# on. The rest is left out: no deadline is kept, and no liveliness asserted.
+# Policies that parameters may override for each topic, qos_overrides./sim/poses.publisher.depth
+# and so on. The others are omitted: there is no deadline, and no liveliness.
 _OVERRIDABLE = QoSOverridingOptions(
     (QoSPolicyKind.HISTORY, QoSPolicyKind.DEPTH, QoSPolicyKind.RELIABILITY,
      QoSPolicyKind.DURABILITY), callback=_checked)
 
 
 def _reliable(depth: int, durability: DurabilityPolicy = DurabilityPolicy.VOLATILE) -> QoSProfile:
-    """Make a profile of its own for each topic, because overrides are written into it."""
+    """Make a separate profile for each topic, because overrides are written into it."""
     return QoSProfile(depth=depth, reliability=ReliabilityPolicy.RELIABLE, durability=durability)
 
 
 def arrays() -> QoSProfile:
     """
-    Give the quality of large arrays.
+    Return the profile of large arrays.
 
-    They go out reliable: best effort loses most messages above some 0.8 MB, even on one machine,
+    They are reliable: best effort loses most messages above some 0.8 MB, even on one machine,
     because a single lost fragment loses the whole message.
     """
     return _reliable(5)
 
 
 def changes() -> QoSProfile:
-    """Give that of what is said once: also a subscriber that stalls for seconds gets all of it."""
+    """Return the profile of changes: a subscriber that stalls for seconds still gets all."""
     return _reliable(100)
 
 
 def latched() -> QoSProfile:
-    """Give that of what a late joiner must still get."""
+    """Return the profile of messages that late joiners need."""
     return _reliable(1, DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def newest() -> QoSProfile:
-    """Give that of what only the newest counts of."""
+    """Return the profile of topics of which only the newest message counts."""
     return _reliable(1)
 
 
 def commands() -> QoSProfile:
-    """Give that of commands: deep enough for a second of 10,000 commands."""
+    """Return the profile of commands: deep enough for a second of 10,000 commands."""
     return _reliable(10_000)
 
 
 def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
               **options: Any) -> Publisher:
     """
-    Publish with a quality of service that parameters may override.
+    Create a publisher with a quality of service that parameters may override.
 
-    :raises SceneError: when they make no sense.
+    :raises SceneError: if they are invalid.
     """
     try:
         return node.create_publisher(kind, topic, profile,
@@ -102,10 +102,10 @@ def publisher(node: Node, kind: type, topic: str, profile: QoSProfile,
 def subscription(owner: Node, node: Node, kind: type, topic: str,
                  receive: Callable[[Any], None], profile: QoSProfile) -> Subscription:
     """
-    Subscribe with a quality of service that parameters may override; else as `publisher`.
+    Create a subscription with a quality of service that parameters may override; see `publisher`.
 
-    :param owner: whose parameters these are, and whose remappings apply.
-    :param node: that subscribes.
+    :param owner: node of these parameters and remappings.
+    :param node: of the subscription.
     """
     resolved = owner.resolve_topic_name(topic)
     try:

@@ -33,23 +33,23 @@ from rclpy.subscription import Subscription
 from procphys_ros.ros import qos
 from procphys_ros.ros.sequence_gaps import SequenceGaps
 
-_PERIOD = 0.005  # [s] between looks at the subscriptions
-_NAP = 1.0  # [s] at most without a look while no message comes
-_MOST = 100  # messages of a topic per look, some 5 ms
-_REST = 2.0  # times the processor time of a look nothing is looked at, so that others have some
+_PERIOD = 0.005  # [s] between polls of the subscriptions
+_NAP = 1.0  # [s] between polls at most, while no message comes
+_MOST = 100  # messages of a topic per poll, some 5 ms
+_REST = 2.0  # times the processor time of a poll is the pause after it, for other threads
 
 
 @dataclass(frozen=True)
 class Inlet:
     """
-    Where the messages of a topic go, each called in the thread of the receiver.
+    The handlers of a topic's messages, called in the thread of the receiver.
 
     :ivar receive: called with each message.
-    :ivar reject: called with what `receive` raises, or the reading of a message.
-    :ivar lose: called with how many messages were lost, because they came faster than they could
-        be taken.
-    :ivar is_full: says whether there is no room for another message.
-    :ivar turn_away: called for each message that came when there was none; it is not read, which
+    :ivar reject: called with the exception of `receive`, or of reading a message.
+    :ivar lose: called with the number of lost messages, which came faster than they were
+        taken.
+    :ivar is_full: returns whether there is no capacity for another message.
+    :ivar turn_away: called for each message beyond the capacity; it is not deserialised, which
         takes ten times as long as taking it.
     """
 
@@ -62,18 +62,18 @@ class Inlet:
 
 class Receiver:
     """
-    Hands messages on.
+    Receive messages and pass them on.
 
-    An executor takes one message of a topic at a time and looks at every other entity of the node
-    in between: some 1,000 messages per second, less than a busy sender has, and services wait
-    behind them. So no executor has these subscriptions, and a thread of their own empties them.
+    An executor takes one message of a topic at a time and polls every other entity of the node in
+    between: some 1,000 messages per second, fewer than a busy sender publishes, and services wait
+    behind them. So no executor has these subscriptions, and a separate thread empties them.
 
-    They belong to a node `<name>_commands` with a participant of its own: a participant of the
-    middleware has one queue and one thread for all that arrives. In a flood it has no room for a
-    request now and then, which is repeated only seconds later.
+    They belong to a node `<name>_commands` with its own participant: a participant of the
+    middleware has one queue and one thread for all input. In a flood it sometimes has no capacity
+    for a request, which is repeated only seconds later.
 
-    :param node: the node that the commands are for; its parameters override the quality of
-        service, and its remappings apply.
+    :param node: receiver of the commands; its parameters override the quality of service, and
+        its remappings apply.
     """
 
     def __init__(self, node: Node):
@@ -96,7 +96,7 @@ class Receiver:
 
         :param kind: type of its messages.
         :param topic: its name.
-        :param inlet: where its messages go.
+        :param inlet: its handlers.
         """
         subscription = qos.subscription(self._owner, self._node, kind, topic, inlet.receive,
                                         qos.commands())
@@ -104,14 +104,15 @@ class Receiver:
 
     @property
     def names(self) -> list[str]:
-        """Name the topics, after remapping."""
+        """Return the names of the topics, after remapping."""
         return sorted(topic.name for topic in self._topics)
 
     def unheard(self) -> dict[str, tuple[str, str]]:
         """
-        Find who publishes what the middleware does not deliver here.
+        Find publishers whose messages the middleware does not deliver here.
 
-        :returns: by topic, the name of a node whose quality of service does not fit, and why.
+        :returns: by topic, the name of a node with an incompatible quality of service, and the
+            reason.
         """
         found = {}
         for topic in self._topics:
@@ -127,7 +128,7 @@ class Receiver:
         self._thread.start()
 
     def stop(self, patience: float) -> bool:
-        """End receiving, wait some time for that [s], and say whether it has ended."""
+        """End receiving, wait some time [s], and return whether it has ended."""
         self._stopping.set()
         if self._thread.is_alive():
             self._wake.trigger()
@@ -154,7 +155,7 @@ class Receiver:
                 self._wait_for_messages()
 
     def _wait_for_messages(self) -> None:
-        """Wait until a message comes, for a moment at most."""
+        """Wait until a message comes, for a limited time."""
         subscriptions = [topic.handle for topic in self._topics]
         try:
             with ExitStack() as held:
@@ -167,12 +168,12 @@ class Receiver:
                 for handle in subscriptions:
                     waiting.add_subscription(handle)
                 waiting.wait(int(1e9 * _NAP))
-        except InvalidHandle:  # the node is going
+        except InvalidHandle:  # the node is being destroyed
             pass
 
 
 class _Topic:
-    """One subscription, and where its messages go."""
+    """One subscription, and the handlers of its messages."""
 
     def __init__(self, subscription: Subscription, inlet: Inlet):
         self._subscription = subscription
@@ -192,13 +193,13 @@ class _Topic:
         return self._subscription.qos_profile
 
     def take(self) -> bool:
-        """Take a message and hand it on; say whether there was one."""
+        """Take a message and pass it on; return whether there was one."""
         is_full = self._inlet.is_full()
         try:
             with self._subscription.handle:
                 taken = self._subscription.handle.take_message(self._subscription.msg_type,
                                                                is_full)  # True = as bytes
-        except InvalidHandle:  # the node is going
+        except InvalidHandle:  # the node is being destroyed
             return False
         except Exception as error:
             self._inlet.reject(error)
@@ -221,7 +222,7 @@ class _Topic:
 
 
 def _enclave(node: Node) -> str:
-    """Give the enclave of a node, where its keys are if the middleware is secured."""
+    """Return the enclave of a node, with its keys if the middleware is secured."""
     own = node.get_name(), node.get_namespace()
     return next((enclave for *name, enclave in node.get_node_names_and_namespaces_with_enclaves()
                  if tuple(name) == own), '/')

@@ -30,13 +30,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     Record until Ctrl-C, until the time is up, or until the disk is full.
 
-    :param words: behind the command's name; None = the process's own.
+    :param words: after the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the file cannot be written, 2 invalid usage, 3 no node found.
     """
     own, for_ros = split_words(sys.argv[1:] if words is None else words)
     said = _parser().parse_args(own)
     ended: list[int] = []
-    # Late, because it takes seconds that help and mistakes need not wait for.
+    # Late, because it takes seconds, which help and usage errors need not wait for.
     try:
         from procphys_ros.recording.writer import check_target
         check_target(said.out)

@@ -23,7 +23,7 @@ from visualization_msgs.msg import MarkerArray
 
 from procphys_ros.ros import qos
 
-# Names are below that of the node, but for absolute ones.
+# Names are relative to that of the node, except absolute ones.
 TOPICS: dict[str, tuple[type, QoSProfile]] = {
     'poses': (PoseArray, qos.arrays()), 'markers': (MarkerArray, qos.changes()),
     'scene_description': (String, qos.latched()), 'ground': (MarkerArray, qos.latched()),

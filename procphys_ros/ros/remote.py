@@ -34,9 +34,9 @@ from std_srvs.srv import SetBool, Trigger
 from procphys_ros.errors import CommandError
 from procphys_ros.ros import qos
 
-PATIENCE = 120.0  # [s] for an answer of a node that is there and may be busy
-_TURN = 0.05  # [s] between looks at the clock
-_SEARCH = 10.0  # [s] at least for a topic or service of a node that is there: DDS may be late
+PATIENCE = 120.0  # [s] to wait for an answer of a node that may be busy
+_TURN = 0.05  # [s] between checks of the clock
+_SEARCH = 10.0  # [s] at least for a topic or service of a known node: discovery may be late
 _FIRST = 'reset_simulation'  # the service by which a node is found
 _REMAPPED = '; where the node has remapped it, remap it here, too: --ros-args -r {}:=/its/name'
 _FIELDS = {ParameterType.PARAMETER_BOOL: 'bool_value',
@@ -55,14 +55,14 @@ class NoNodeError(Exception):
 
 class Remote:
     """
-    Talks to one node and waits for its answers.
+    Communicate with one node and wait for its answers.
 
     :param name: of the node, absolute, such as /sim.
-    :param timeout: how long to look for it, and for its topics and services if that is longer
+    :param timeout: time to look for it, and for its topics and services if that is longer
         than usual [s].
-    :param patience: how long to wait for an answer once it is found [s].
+    :param patience: time to wait for an answer once it is found [s].
     :ivar patience: as given; may be changed from call to call.
-    :raises NoNodeError: when it is not found; the message says which nodes are there.
+    :raises NoNodeError: if it is not found; the message lists the nodes present.
     """
 
     def __init__(self, name: str, timeout: float, patience: float = PATIENCE):
@@ -84,16 +84,16 @@ class Remote:
 
     def trigger(self, service: str) -> str:
         """
-        Call a service that takes nothing.
+        Call a service without arguments.
 
         :param service: private name, such as 'gust'.
-        :returns: what the node says happened.
-        :raises CommandError: when it refuses, with its reason.
+        :returns: the answer of the node.
+        :raises CommandError: if it refuses, with its reason.
         """
         return self._answer(self._call(Trigger, service, Trigger.Request()))
 
     def switch(self, service: str, on: bool) -> str:
-        """Call a service that switches something; else as `trigger`."""
+        """Call a service that switches a setting; see `trigger`."""
         return self._answer(self._call(SetBool, service, SetBool.Request(data=on)))
 
     def change(self, values: dict[str, Any]) -> None:
@@ -101,7 +101,7 @@ class Remote:
         Change parameters, all or none.
 
         :param values: bool, int, float, str, or a sequence of numbers or of str, by name.
-        :raises CommandError: when the node refuses one, with its reason.
+        :raises CommandError: if the node refuses one, with its reason.
         """
         request = SetParametersAtomically.Request(
             parameters=[Parameter(name=name, value=_to_message(value))
@@ -111,29 +111,29 @@ class Remote:
             raise CommandError(result.reason)
 
     def holds_texts(self, name: str) -> bool:
-        """Return whether a parameter is a list of texts, also when that is empty."""
+        """Return whether a parameter is a list of strings, even an empty one."""
         answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=[name]))
         return answer.values[0].type == ParameterType.PARAMETER_STRING_ARRAY
 
     def values(self, names: Sequence[str]) -> list[Any]:
-        """Read parameters; None for one that is not set."""
+        """Return the values of parameters; None for unset ones."""
         answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=names))
         return [_from_message(value) for value in answer.values]
 
     def parameters(self) -> list[str]:
-        """Name all parameters."""
+        """List the names of all parameters."""
         answer = self._call(ListParameters, 'list_parameters', ListParameters.Request())
         return sorted(answer.result.names)
 
     def push(self, topic: str, part: str, force: Sequence[float], torque: Sequence[float]) -> None:
         """
-        Strike a part, or let a lasting force act on it.
+        Apply an impulse or a lasting force to a part.
 
         :param topic: 'impulse' [N·s], [N·m·s] or 'wrench' [N], [N·m].
         :param part: name or index.
         :param force: or impulse, world axes.
         :param torque: or angular impulse.
-        :raises NoNodeError: when the node does not listen.
+        :raises NoNodeError: if the node does not subscribe.
         """
         message = WrenchStamped()
         message.header.frame_id = part
@@ -142,11 +142,11 @@ class Remote:
         self._send(topic, message)
 
     def explode(self, place: Sequence[float]) -> None:
-        """Set off `explosion.charge` at a place [m], (3,); else as `push`."""
+        """Detonate `explosion.charge` at a point [m], (3,); see `push`."""
         self._send('explosion', PointStamped(point=Point(**dict(zip('xyz', place)))))
 
     def description(self) -> str:
-        """Give the JSON of the scene that is simulated now."""
+        """Return the JSON description of the present scene."""
         received: list[String] = []
         subscription = self._node.create_subscription(
             String, f'{self.name}/scene_description', received.append, qos.latched())
@@ -166,11 +166,11 @@ class Remote:
                                        qos.changes())
 
     def spin(self) -> None:
-        """Handle what arrives for a moment."""
+        """Process incoming messages for a moment."""
         self._executor.spin_once(timeout_sec=_TURN)
 
     def _send(self, topic: str, message: Any) -> None:
-        """Publish a command, and wait until the node has it."""
+        """Publish a command, and wait until the node has received it."""
         publisher = self._node.create_publisher(type(message), f'{self.name}/{topic}',
                                                 qos.commands())
         self._find(publisher.get_subscription_count, 'listens to', f'{self.name}/{topic}')
@@ -187,7 +187,7 @@ class Remote:
         return future.result()
 
     def _find(self, found: Callable[[], Any], does: str, name: str) -> None:
-        """Wait until a topic or a service is there, which may have another name."""
+        """Wait until a topic or a service appears, which may have been remapped."""
         patience = min(self._search, self.patience)
         if not self._has_come(found, patience):
             raise NoNodeError(f'nobody {does} {name} within {patience:g} s'
@@ -198,7 +198,7 @@ class Remote:
             raise NoNodeError(f'{self.name} has not answered for {patience:.0f} s')
 
     def _has_come(self, done: Callable[[], Any], patience: float) -> bool:
-        """Handle what arrives until something is so; say whether that was in time [s]."""
+        """Process incoming messages until a condition holds; return whether it did in time [s]."""
         end = monotonic() + patience
         while not done():
             if monotonic() > end:
@@ -226,7 +226,7 @@ class Remote:
 
 
 def _to_message(value: Any) -> ParameterValue:
-    """Write a value as the parameter that it looks like."""
+    """Convert a value to the parameter type it looks like."""
     if isinstance(value, bool):
         kind = ParameterType.PARAMETER_BOOL
     elif isinstance(value, int):

@@ -29,13 +29,13 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     Publish a recording.
 
-    :param words: behind the command's name; None = the process's own.
+    :param words: after the command's name; None = the process's own.
     :returns: exit code: 0 done, 1 the file cannot be read, 2 invalid usage.
     """
     own, for_ros = split_words(sys.argv[1:] if words is None else words)
     said = _parser().parse_args(own)
     ended: list[int] = []
-    # Late, because it takes seconds that help and mistakes need not wait for.
+    # Late, because it takes seconds, which help and usage errors need not wait for.
     try:
         from procphys_ros.recording.recording import Recording
         recording = Recording(said.file)

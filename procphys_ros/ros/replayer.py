@@ -29,11 +29,11 @@ from procphys_ros.ros import qos
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
 
-_NAP = 0.05    # [s], longest sleep, after which signals are looked at
-_HELLO = 0.5   # [s] between the first subscriber and the first message: others come with it
-_ALONE = 3.0   # [s] to wait for a subscriber, which may take that long to be found
-_GLANCE = 0.5  # [s] between two looks for others that publish the same
-_SHORTEST = 1.0  # [s] of a loop: one that begins near the end would flood whoever listens
+_NAP = 0.05    # [s] longest sleep between checks of signals
+_HELLO = 0.5   # [s] between the first subscriber and the first message, for other subscribers
+_ALONE = 3.0   # [s] to wait for a subscriber, whose discovery may take that long
+_GLANCE = 0.5  # [s] between checks for other publishers of the topics
+_SHORTEST = 1.0  # [s] of a loop: one that begins near the end would flood subscribers
 _PATIENCE = 1.0  # [s] for the last messages to arrive
 _CLASSES = {name: kind for kind, name in KIND_NAMES.items()}
 
@@ -45,9 +45,9 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
 
     :param said: `file`, `start` [s], `rate` and `loop`.
     :param ros_words: arguments for ROS.
-    :param ended: says when to end early.
-    :raises RecordingError: when the file is damaged.
-    :raises SceneError: when the arguments for ROS cannot be read.
+    :param ended: returns whether to end early.
+    :raises RecordingError: if the file is damaged.
+    :raises SceneError: if the arguments for ROS are invalid.
     """
     start_ros(['replay', *ros_words], signal_handler_options=SignalHandlerOptions.NO)
     try:
@@ -66,7 +66,7 @@ def replay(recording: Recording, said: argparse.Namespace, ros_words: Sequence[s
 
 
 def _wait_for_subscribers(publishers: Sequence[Publisher], ended: Callable[[], bool]) -> None:
-    """Give present subscribers time to discover the publishers, and wait for no others."""
+    """Wait until present subscribers have discovered the publishers, but for no others."""
     end = monotonic() + _ALONE
     is_heard = False
     while (left := end - monotonic()) > 0.0 and not ended():
@@ -77,7 +77,7 @@ def _wait_for_subscribers(publishers: Sequence[Publisher], ended: Callable[[], b
 
 def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, Publisher],
           ended: Callable[[], bool], meanwhile: Callable[[], None]) -> None:
-    """Publish what holds where it begins and what follows, over and over if that is wanted."""
+    """Publish the state at the start and the messages after it, repeatedly in a loop."""
     while not ended():
         again = monotonic() + _SHORTEST
         for message in recording.state_at(said.start):
@@ -92,10 +92,10 @@ def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, 
 
 class _Rivals:
     """
-    Logs once for each topic when somebody else publishes it, too.
+    Log once for each topic that has another publisher.
 
     :param node: of the replay.
-    :param topics: those that it publishes.
+    :param topics: published by the replay.
     """
 
     def __init__(self, node: Node, topics: Sequence[str]):
@@ -103,7 +103,7 @@ class _Rivals:
         self._due = monotonic()
 
     def look(self) -> None:
-        """Look, if it is time to."""
+        """Check the topics, if that is due."""
         if monotonic() < self._due:
             return
         self._due = monotonic() + _GLANCE
@@ -115,7 +115,7 @@ class _Rivals:
 
 
 def _publishers(node: Node, recording: Recording) -> dict[str, Publisher]:
-    """Make a publisher for each topic; say which are left out."""
+    """Make a publisher for each topic; report the omitted ones."""
     publishers = {}
     for topic, kind in recording.topics.items():
         if kind not in _CLASSES:

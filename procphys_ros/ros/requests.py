@@ -31,14 +31,14 @@ from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 
 class Requests:
     """
-    Turns a call into what is to be done between two steps; in the thread that talks to ROS.
+    Convert a service call to an operation between two steps; in the ROS thread.
 
-    Each method reads the parameters now and gives a function that does what they say, for the
-    thread that simulates.
+    Each method reads the parameters now and returns a function that executes them in the
+    simulation thread.
 
     :param parameters: of the node.
-    :param session: what is done is done to it.
-    :raises ProcPhysError: each method, when the parameters make no sense.
+    :param session: target of the operations.
+    :raises ProcPhysError: from each method, if the parameters are invalid.
     """
 
     def __init__(self, parameters: Parameters, session: Session):
@@ -50,7 +50,7 @@ class Requests:
         return lambda: self._session.set_wind_enabled(enabled)
 
     def set_pause(self, paused: bool) -> Act:
-        """Stop time, or let it run again."""
+        """Pause or resume the simulation."""
         return lambda: self._session.set_pause(paused)
 
     def gust(self) -> Act:
@@ -59,32 +59,32 @@ class Requests:
         return lambda: self._session.gust(gust)
 
     def apply_impulse(self) -> Act:
-        """Strike the part `impulse.target`."""
+        """Apply an impulse to the part `impulse.target`."""
         part = part_name(self._parameters['impulse.target'], 'the parameter impulse.target')
         linear, angular = self._parameters['impulse.linear'], self._parameters['impulse.angular']
         return lambda: self._session.strike(part, linear, angular)
 
     def launch_projectile(self) -> Act:
-        """Throw what the `projectile.*` parameters describe."""
+        """Launch the projectile of the `projectile.*` parameters."""
         projectile = self._group('projectile', Projectile)
         return lambda: self._session.launch(projectile)
 
     def explode(self) -> Act:
-        """Set off a charge from the `explosion.*` parameters."""
+        """Detonate the charge of the `explosion.*` parameters."""
         return self.explode_at(self._parameters['explosion.position'])
 
     def explode_at(self, point: Triple) -> Act:
-        """Set off `explosion.charge` at a point [m], (3,)."""
+        """Detonate `explosion.charge` at a point [m], (3,)."""
         explosion = Explosion(point, self._parameters['explosion.charge'])
         return lambda: self._session.explode(explosion)
 
     def demolish(self) -> Act:
-        """Start the charges of the `demolition.*` parameters."""
+        """Arm the charges of the `demolition.*` parameters."""
         plan = self._group('demolition', Demolition)
         return lambda: self._session.demolish(plan)
 
     def clear_wrenches(self) -> Act:
-        """Take away all lasting forces."""
+        """Remove all lasting forces."""
         return self._session.clear_wrenches
 
     def step_simulation(self) -> Act:
@@ -101,19 +101,19 @@ class Requests:
         return lambda: self._session.save_state(path)
 
     def restore_state(self) -> Act:
-        """Go back to the state in the file `state.file`."""
+        """Restore the state in the file `state.file`."""
         path = self._state_file()
         return lambda: self._session.restore_state(path)
 
     def remove(self) -> Act:
-        """Take the object `spawn.name` out of the scene."""
+        """Remove the object `spawn.name` from the scene."""
         name = self._parameters['spawn.name']
         if not name:
             raise CommandError('spawn.name is empty, it must name the object to remove')
         return lambda: self._session.remove(name)
 
     def inspect(self) -> Act:
-        """Describe what the part `inspect.part` carries."""
+        """Describe the load of the part `inspect.part`."""
         part = part_name(self._parameters['inspect.part'], 'the parameter inspect.part')
         return lambda: self._session.inspect(part)
 
@@ -121,6 +121,6 @@ class Requests:
         return state_path(self._parameters['state.file'], self._parameters.bounds)
 
     def _group(self, name: str, kind: Callable[..., Any]) -> Any:
-        """Read a group of parameters as what it describes."""
+        """Create an object from its group of parameters."""
         return kind(**{f.name: self._parameters[f'{name}.{f.name}']
                        for f in fields(kind)})  # type: ignore[arg-type]

@@ -32,16 +32,16 @@ from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.starting import overruled, start_ros
 from procphys_ros.warning_lines import told_to
 
-_SWITCH = 0.001  # [s] after which a thread that computes lets another run (Python: 0.005)
+_SWITCH = 0.001  # [s] after which a computing thread lets another run (Python: 0.005)
 
 
 def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
     """
-    Run the node until it is told to stop.
+    Run the node until it is stopped.
 
     :param args: command line, with ROS arguments; None = the process's own.
     :param kind: class of the node.
-    :returns: exit code: 0 when told to stop, 1 when the scene cannot be read.
+    :returns: exit code: 0 when stopped, 1 if the scene cannot be read.
     """
     sys.setswitchinterval(_SWITCH)
     code = 0
@@ -55,7 +55,7 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
         code = _complain(error)
     except (RuntimeError, NotInitializedException):
         if rclpy.ok():
-            raise  # else a signal has ended the context under the hands of whoever used it
+            raise  # else a signal has ended the context while it was in use
     finally:
         with suppress(RuntimeError):  # a signal may shut the context down at the same moment
             rclpy.try_shutdown()
@@ -64,9 +64,9 @@ def run(args: list[str] | None, kind: type[SimNode] = SimNode) -> int:
 
 
 def _spin(kind: type[SimNode], words: list[str]) -> None:
-    # A signal may come between the making of a handler and its run, and rclpy drops it then.
+    # A signal may come between the creation of a handler and its run, and rclpy drops it then.
     warnings.filterwarnings('ignore', "coroutine 'Executor._make_handler", RuntimeWarning)
-    executor = SingleThreadedExecutor()  # first of all: it cannot be made once a signal has come
+    executor = SingleThreadedExecutor()  # first: it cannot be made after a signal
     node = kind()
     node.has_told_end = True  # `_complain` will
     for line in overruled(words, node.parameters.given()):
@@ -80,10 +80,10 @@ def _spin(kind: type[SimNode], words: list[str]) -> None:
     except ProcPhysError as error:
         code = _complain(error)
     if not node.destroy_node():
-        # A thread that compiles or computes cannot be told to end, and the interpreter must not
-        # be taken down around it.
+        # A thread that compiles or computes cannot be stopped, and the interpreter must not be
+        # finalised while it runs.
         for stream in (sys.stdout, sys.stderr):
-            if stream is not None:  # as after >&-
+            if stream is not None:  # None after >&-
                 stream.flush()
         os._exit(code)
     if code:
@@ -91,7 +91,7 @@ def _spin(kind: type[SimNode], words: list[str]) -> None:
 
 
 def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
-    """Serve ROS until the node has ended; no message or request that cannot be read ends it."""
+    """Serve ROS until the node has ended; unreadable messages and requests do not end it."""
     while not node.loop.ended.done():
         try:
             executor.spin_until_future_complete(node.loop.ended)
@@ -105,7 +105,7 @@ def _serve(executor: SingleThreadedExecutor, node: SimNode) -> None:
 
 
 def _complain(error: Exception) -> int:
-    """Say in one line why the node ends, and give the exit code; Ctrl-C makes no odds any more."""
+    """Report in one line why the node ends, and return the exit code; ignore Ctrl-C meanwhile."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first line of a log takes rclpy a while
     if rclpy.ok():
         get_logger('sim').fatal(str(error))

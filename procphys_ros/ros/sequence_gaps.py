@@ -17,29 +17,29 @@
 
 class SequenceGaps:
     """
-    Counts the messages that are missing in what publishers numbered.
+    Count the missing messages in the sequence numbers of publishers.
 
-    A reader that is full drops its oldest messages and tells nobody, and so does a publisher whose
-    own depth is full. Messages do not say which publisher they are from. That of two streams one
-    is taken for the other does not change the sum of what is missing in both, since it depends on
-    the first and the last number of each only.
+    A full reader drops its oldest messages silently, and so does a publisher whose depth is
+    exceeded. Messages do not identify their publisher. If two streams are confused, the total
+    number of missing messages stays the same, since it depends only on the first and the last
+    number of each.
     """
 
     def __init__(self) -> None:
-        self._last: list[int] = []  # number of each stream, that was heard last at the end
+        self._last: list[int] = []  # last number of each stream, the most recent at the end
 
     def missing(self, number: int, publishers: int) -> int:
         """
-        Take up a message, and give how many of its publisher are missing before it.
+        Record a message, and return the number of missing messages of its publisher before it.
 
-        :param number: that its publisher gave to it, counted from 1.
-        :param publishers: how many there are now; what comes first of each has nothing before it.
+        :param number: its sequence number, counted from 1.
+        :param publishers: their present number; the first message of each has none before it.
         """
         last = self._last
         if number - 1 in last:
             last.remove(number - 1)
         else:
-            del last[:max(len(last) - publishers, 0)]  # they have gone
+            del last[:max(len(last) - publishers, 0)]  # their publishers have gone
             before = max((known for known in last if known < number), default=0)
             if before and len(last) >= publishers:
                 last.remove(before)

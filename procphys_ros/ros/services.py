@@ -29,15 +29,15 @@ from std_srvs.srv import SetBool, Trigger
 from procphys_ros.ros.commands import Command, CommandQueue
 from procphys_ros.ros.conversions import Act
 
-_LOOK = 0.02  # [s] between looks at commands that wait
-BUSY = 'the simulation is busy'  # how the refusal of a command begins that was not come to
+_LOOK = 0.02  # [s] between checks of waiting commands
+BUSY = 'the simulation is busy'  # prefix of the refusal of a command that timed out
 
 
 Answer = Callable[[bool, str], None]
 
 
 class Actions(Protocol):
-    """What the services ask for; each gives what is to be done, or raises ProcPhysError."""
+    """Operations of the services; each method returns an operation, or raises ProcPhysError."""
 
     def set_wind_enabled(self, enabled: bool) -> Act: ...
 
@@ -69,7 +69,7 @@ class Actions(Protocol):
 
 
 class Scenes(Protocol):
-    """Loads scenes, and what joins them; each is told whom to answer."""
+    """Loads scenes, and objects that join them; each method gets the function to answer with."""
 
     def reload(self, answer: Answer) -> None: ...
 
@@ -86,16 +86,16 @@ _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 class Answers:
     """
-    Puts commands into the queue and waits for what becomes of them, without holding up others.
+    Queue commands and wait for their results, without blocking others.
 
-    A command that the simulation has not begun with before the deadline is taken back and refused:
-    what is answered is final.
+    A command whose execution has not begun before the deadline is withdrawn and refused: an answer
+    is final.
 
-    :param node: whose executor runs the services.
-    :param queue: carries commands out, in another thread.
-    :param deadline: gives how long a command may wait [s].
+    :param node: its executor runs the services.
+    :param queue: executes commands, in another thread.
+    :param deadline: returns the time that a command may wait [s].
     :param clock: steady clock of timers.
-    :param now: gives steady real time [s].
+    :param now: returns steady real time [s].
     :ivar group: callback group for services that await `ask`.
     """
 
@@ -105,7 +105,7 @@ class Answers:
         self._queue = queue
         self._deadline = deadline
         self._now = now
-        self._lock = Lock()  # an executor of users may have many threads
+        self._lock = Lock()  # the executor may be multi-threaded
         self._waiting: list[tuple[float, Command]] = []
         self.group = ReentrantCallbackGroup()
         self._timer = node.create_timer(_LOOK, self.look, self.group, clock)
@@ -113,16 +113,16 @@ class Answers:
 
     async def ask(self, name: str, prepare: Callable[[], Act]) -> tuple[bool, str]:
         """
-        Have a command carried out.
+        Execute a command.
 
         :param name: of the service.
-        :param prepare: called now; gives what is to be done, or raises what refuses it.
-        :returns: whether it was carried out, and what happened or why not.
+        :param prepare: called now; returns the operation, or raises its refusal.
+        :returns: whether it was executed, and the result or the reason.
         """
         def begin(answer: Answer) -> None:
             command = Command(name, prepare(), answer)
             due = self._now() + self._deadline()
-            self._queue.call(command)  # before a look in another thread can find it missing there
+            self._queue.call(command)  # before a check in another thread can find it missing there
             with self._lock:
                 self._waiting.append((due, command))
                 if self._timer.is_canceled():
@@ -131,10 +131,10 @@ class Answers:
 
     async def wait_for(self, name: str, begin: Callable[[Answer], None]) -> tuple[bool, str]:
         """
-        Begin with something, and wait until it is answered for, however long that takes.
+        Begin an operation, and wait for its answer without a deadline.
 
         :param name: of the service.
-        :param begin: called now with the function to answer with, in whatever thread; or raises.
+        :param begin: called now with the function to answer with, from any thread; or raises.
         :returns: as `ask`.
         """
         future = Future()
@@ -152,7 +152,7 @@ class Answers:
         return await future
 
     def look(self) -> None:
-        """Refuse what has waited too long."""
+        """Refuse the commands whose deadline has passed."""
         with self._lock:
             waiting, self._waiting = self._waiting, []
         now, still = self._now(), []
@@ -174,11 +174,11 @@ class Answers:
 
 def create_services(node: Node, answers: Answers, actions: Actions, scenes: Scenes) -> None:
     """
-    Offer all services.
+    Create all services.
 
     :param node: the node that offers them.
-    :param answers: waits for what becomes of a command.
-    :param actions: say what is to be done.
+    :param answers: waits for the results of commands.
+    :param actions: prepares the operations.
     :param scenes: loads scenes.
     """
     for name in _TRIGGERS:

@@ -34,17 +34,17 @@ REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
 
 class Session:
     """
-    Owns the simulation and does to it what commands ask for; in the thread that simulates.
+    Own the simulation and execute the commands on it; in the simulation thread.
 
-    :param pacer: told when time does not pass as usual.
-    :ivar paused: whether time stands still.
-    :ivar failure: what stopped the simulation, '' = nothing; a reset or a reload ends it.
-    :ivar on_scene: called when another scene has been loaded.
-    :ivar on_reset: called when time has jumped back.
-    :ivar on_steps: called when steps were run on demand, or something was put in or taken out.
-    :ivar mean_wind: that blows at the reference height [m/s], (3,).
-    :ivar on_wind: called when another mean wind blows.
-    :ivar without_scene: why what needs a scene is refused while there is none.
+    :param pacer: restarted after jumps of time.
+    :ivar paused: whether the simulation is paused.
+    :ivar failure: error that stopped the simulation, '' = none; cleared by a reset or reload.
+    :ivar on_scene: called after another scene was loaded.
+    :ivar on_reset: called after time has jumped back.
+    :ivar on_steps: called after steps on demand, or after objects were added, moved or removed.
+    :ivar mean_wind: at the reference height [m/s], (3,).
+    :ivar on_wind: called after a change of the mean wind.
+    :ivar without_scene: reason for refusals while there is no scene.
     """
 
     def __init__(self, pacer: Pacer):
@@ -67,16 +67,16 @@ class Session:
     @property
     def simulation(self) -> Simulation:
         """
-        Give the simulation of the moment; `adopt` puts another in its place.
+        Return the present simulation; `adopt` replaces it.
 
-        :raises CommandError: when there is none yet.
+        :raises CommandError: if there is none yet.
         """
         if self._simulation is None:
             raise CommandError(self.without_scene)
         return self._simulation
 
     def adopt(self, simulation: Simulation) -> str:
-        """Go over to another simulation, and say what it holds."""
+        """Replace the simulation, and describe its content."""
         self.close()
         self._simulation = simulation
         self._pacer.time_step = simulation.time_step
@@ -86,7 +86,7 @@ class Session:
         return self.summary()
 
     def close(self) -> None:
-        """Free what the simulation holds."""
+        """Free the resources of the simulation."""
         if self._simulation is not None:
             self._simulation.close()
             self._simulation = None
@@ -98,7 +98,7 @@ class Session:
         return f'mean wind {list(velocity)} m/s'
 
     def change_wind(self, wind: WindSettings, names: set[str]) -> None:
-        """Go over to other settings of the wind, of which those named have changed."""
+        """Change to other settings of the wind; `names` are the changed parameters."""
         if 'wind.velocity' not in names:
             wind = replace(wind, velocity=self.mean_wind)
         self.simulation.wind.change(wind)
@@ -119,7 +119,7 @@ class Session:
                    else '; the wind is off, and the gust is not felt until it is on'))
 
     def strike(self, part: str, linear: Sequence[float], angular: Sequence[float]) -> str:
-        """Give a part an impulse [N·s], [N·m·s], and say what it did."""
+        """Apply an impulse [N·s], [N·m·s] to a part, and describe the effect."""
         moves = self.simulation.apply_impulse(part, linear, angular)
         return (f'impulse {list(linear)} N·s on {part}'
                 + ('' if moves else '; it holds, and its building takes the blow'))
@@ -130,21 +130,21 @@ class Session:
         return f'wrench on {part}'
 
     def clear_wrenches(self) -> str:
-        """Take away all lasting forces."""
+        """Remove all lasting forces."""
         return f'{self.simulation.clear_wrenches()} lasting forces ended'
 
     def launch(self, projectile: Projectile) -> str:
-        """Throw something."""
+        """Launch a projectile."""
         part = self.simulation.launch(projectile)
         return f'{self.simulation.names.name(part)} flies, it is part {part}'
 
     def explode(self, explosion: Explosion) -> str:
-        """Set off a charge."""
+        """Detonate a charge."""
         self.simulation.explode(explosion.position, explosion.charge)
         return f'{explosion.charge:g} kg TNT at {list(explosion.position)} m'
 
     def demolish(self, plan: Demolition) -> str:
-        """Start the clocks of timed charges."""
+        """Arm charges with delays."""
         return f'{self.simulation.demolish(plan)} charges armed'
 
     def look_from(self, position: Sequence[float], orientation: Sequence[float]) -> str:
@@ -158,7 +158,7 @@ class Session:
         return f'{name} to {list(pose[:3])} m'
 
     def spawn(self, spawn: Spawn, blueprint: Blueprint) -> str:
-        """Add what has been built to the scene; when that fails, the scene stays as it was."""
+        """Add a built object to the scene; after an error the scene is unchanged."""
         self._refuse_after_failure()
         name = spawn.name or self.simulation.free_name(spawn.stem)
         known = len(self.simulation.warnings)
@@ -174,19 +174,19 @@ class Session:
                           *self.simulation.warnings[known:]])
 
     def remove(self, name: str) -> str:
-        """Take an object out of the scene."""
+        """Remove an object from the scene."""
         self._refuse_after_failure()
         self.simulation.remove(name)
         self.on_steps()
         return f'{name} is gone'
 
     def inspect(self, part: str) -> str:
-        """Describe what a part carries."""
+        """Describe the load of a part."""
         state = self.simulation.state
         return part_loads.describe(state, state.names.index(part))
 
     def remove_added(self) -> str:
-        """Take out everything that was spawned."""
+        """Remove all spawned objects."""
         names = self.simulation.added
         for name in names:
             self.remove(name)
@@ -194,13 +194,13 @@ class Session:
 
     def move(self, name: str, pose: Sequence[float] | None,
              twist: Sequence[float] | None) -> str:
-        """Put an object or a part that is loose to a pose (7,), with a twist (6,)."""
+        """Move a loose object or part to a pose (7,), with a twist (6,)."""
         self.simulation.set_body_state(Entities(self.simulation).movable(name), pose, twist)
         self.on_steps()
         return f'{name} moved'
 
     def set_pause(self, paused: bool) -> str:
-        """Stop time, or let it run again; before there is a scene, that of the first one."""
+        """Pause or resume the simulation; before there is a scene, that of the first one."""
         if not paused:
             self._refuse_after_failure()
         self.paused = paused
@@ -224,11 +224,11 @@ class Session:
         return f'stepped to {self.simulation.time:.4f} s'
 
     def reset_simulation(self) -> str:
-        """Reset everything to its start; what was spawned stays, removed stays away."""
+        """Reset to the start; spawned objects stay, removed ones stay removed."""
         return self._begin_anew(self.simulation.reset)
 
     def revert(self) -> str:
-        """Go back to the scene as it was loaded: nothing spawned, nothing removed."""
+        """Reset to the scene as loaded: without spawned objects, with the removed ones."""
         return self._begin_anew(self.simulation.revert)
 
     def _begin_anew(self, begin: Callable[[], None]) -> str:
@@ -243,14 +243,14 @@ class Session:
         return 'back at 0 s'
 
     def save_state(self, path: Path) -> str:
-        """Write the whole state to a file; one that is there is replaced when all is written."""
+        """Write the whole state to a file; an existing one is replaced after complete writing."""
         self._refuse_after_failure()
         data = self.simulation.save()
         write_state(path, data)
         return f'{self.simulation.time:.3f} s saved in {path}, {len(data) / 1e6:.1f} MB'
 
     def restore_state(self, path: Path) -> str:
-        """Go back, or forward, to the state in a file."""
+        """Restore the state in a file."""
         try:
             self.simulation.restore(read_state(path))
         except SnapshotError as error:
@@ -262,9 +262,9 @@ class Session:
 
     def fail(self, error: Exception) -> None:
         """
-        Stop time because a step went wrong: its state is not to be trusted.
+        Stop time because a step failed: its state is not reliable.
 
-        :param error: what was raised.
+        :param error: the exception.
         """
         self.failure = f'{type(error).__name__}: {error}' if str(error) else type(error).__name__
         self._pacer.restart()

@@ -50,19 +50,19 @@ _MORE = {'managed_sim': ';\na managed node: it builds the scene when it is confi
 def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNode',
          name: str = 'sim') -> int:
     """
-    Run the node until it is told to stop.
+    Run the node until it is stopped.
 
     :param args: command line, with ROS arguments; None = the process's own.
-    :param kind: module and name of the class of the node.
+    :param kind: module and name of the node's class.
     :param name: of the executable.
-    :returns: exit code: 0 when told to stop, 1 when the scene cannot be read, 2 for invalid usage.
+    :returns: exit code: 0 when stopped, 1 if the scene cannot be read, 2 for invalid usage.
     """
     words, _ = split_words(sys.argv[1:] if args is None else args)
     if words and words != ['--']:
         return _answer(words, name)
     # rclpy handles signals once it is started. Importing takes a second or more, and a signal
     # must end the process as cleanly in that time; so the imports come after this. Nothing is
-    # open yet, and an exception might be swallowed by whatever it comes across.
+    # open yet, and an exception might be caught by any code being imported.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: os._exit(0))
     run, node = _import(kind)
@@ -73,10 +73,10 @@ def main(args: list[str] | None = None, kind: str = 'procphys_ros.ros.node:SimNo
 
 def _import(kind: str) -> tuple[Callable[..., int], Any]:
     """
-    Import what runs the node, and its class.
+    Import the function that runs the node, and its class.
 
-    What modules consist of stays: looking for garbage among it would take a tenth of the time, and
-    later some of that of steps.
+    Module contents are excluded from garbage collection: scanning them would take a tenth of the
+    time, and later some of that of steps.
     """
     gc.disable()
     from procphys_ros.ros.running import run
@@ -88,7 +88,7 @@ def _import(kind: str) -> tuple[Callable[..., int], Any]:
 
 
 def _answer(words: list[str], name: str) -> int:
-    """Answer what needs no node, and refuse the rest."""
+    """Handle the options that need no node, and reject all others."""
     if words[0] in ('-h', '--help'):
         print(_USAGE.format(name=name, more=_MORE.get(name, ''), garden=f'{name} {_GARDEN}'),
               end='')

@@ -39,7 +39,7 @@ from procphys_ros.ros.session import Session
 from procphys_ros.schema import short
 
 PACKAGE = 'simulation_interfaces'
-# What works here, and by which service; what an older or newer package does not have is left out.
+# Supported features, and their services; those that the installed package lacks are omitted.
 FEATURES = {'ENTITY_TAGS': 'get_entities', 'ENTITY_BOUNDS_BOX': 'get_entities',
             'ENTITY_CATEGORIES': 'get_entities', 'ENTITY_STATE_GETTING': 'get_entity_state',
             'ENTITY_INFO_GETTING': 'get_entity_info', 'SIMULATION_RESET': 'reset_simulation',
@@ -67,18 +67,18 @@ _ACTIONS = {'simulate_steps': 'SimulateSteps'}
 
 def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn) -> list[str]:
     """
-    Offer the services and actions as `~/simulation_interfaces/…`, if their package is there.
+    Offer the services and actions as `~/simulation_interfaces/…`, if their package is installed.
 
     :param node: the node that offers them.
-    :param answers: waits for what becomes of a command.
-    :param session: carries commands out.
-    :param begin_spawn: has an object built and joined to the scene.
-    :returns: their names; none when the package cannot be used.
+    :param answers: waits for the results of commands.
+    :param session: executes commands.
+    :param begin_spawn: builds an object that joins the scene.
+    :returns: their names; none if the package cannot be used.
     """
     made: list[Any] = []
     try:
         return _create(node, answers, session, begin_spawn, made)
-    except Exception as error:  # each file that may be missing is missed in another way
+    except Exception as error:  # each missing file raises another exception
         if isinstance(error, ModuleNotFoundError) and error.name == PACKAGE:
             return []
         if not node.context.ok():
@@ -93,7 +93,7 @@ def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpaw
 
 def _create(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn,
             made: list[Any]) -> list[str]:
-    """Create services and actions; `made` gets the former."""
+    """Create services and actions; the former are appended to `made`."""
     types, kinds = import_module(f'{PACKAGE}.msg'), import_module(f'{PACKAGE}.srv')
     try:
         actions: Any = import_module(f'{PACKAGE}.action')
@@ -117,15 +117,15 @@ def _create(node: Node, answers: Answers, session: Session, begin_spawn: BeginSp
 
 class SimulationInterfacesServer:
     """
-    Answers the requests.
+    Handle the service requests.
 
     :param types: the package's module `msg`.
     :param replies: waits for commands in the thread of the simulation.
-    :param begin_spawn: has an object built and joined to the scene.
-    :param session: carries commands out.
+    :param begin_spawn: builds an object that joins the scene.
+    :param session: executes commands.
     :param frame: of poses.
-    :param offered: names of the services and actions that are there.
-    :ivar entities: answers requests that put entities in, take them out and move them.
+    :param offered: names of the available services and actions.
+    :ivar entities: handles requests that add, remove and move entities.
     """
 
     def __init__(self, types: Any, replies: Replies, begin_spawn: BeginSpawn, session: Session,
@@ -137,10 +137,10 @@ class SimulationInterfacesServer:
         self._session = session
         self._frame = frame
         self._offered = offered
-        self._is_held = False  # paused on demand before the first step, which is not stopped
+        self._is_held = False  # paused on demand before the first step: not stopped
 
     async def get_simulator_features(self, request: Any, response: Any) -> Any:
-        """List what is offered here."""
+        """List the supported features."""
         known = self._types.SimulatorFeatures
         response.features.features = [
             getattr(known, feature) for feature, service in FEATURES.items()
@@ -152,12 +152,12 @@ class SimulationInterfacesServer:
         return response
 
     async def get_simulation_state(self, request: Any, response: Any) -> Any:
-        """Return whether time passes; paused, whole and at time 0 counts as stopped."""
+        """Return whether time passes; paused, undamaged and at time 0 counts as stopped."""
         response.state.state = self._present_state()
         return self._done(response)
 
     async def set_simulation_state(self, request: Any, response: Any) -> Any:
-        """Play, pause, or stop, which is to reset everything and pause."""
+        """Play, pause, or stop, which means reset and pause."""
         wanted, state = request.state.state, self._state
         if wanted not in (state.STATE_STOPPED, state.STATE_PLAYING, state.STATE_PAUSED):
             return self._failed(response, self._result.RESULT_FEATURE_UNSUPPORTED,
@@ -175,7 +175,7 @@ class SimulationInterfacesServer:
                                      response.STATE_TRANSITION_ERROR)
 
     async def step_simulation(self, request: Any, response: Any) -> Any:
-        """Run some steps while paused; other commands are heard between them."""
+        """Run some steps while paused; other commands are executed between them."""
         if not self._session.paused:
             return self._failed(response, self._result.RESULT_OPERATION_FAILED,
                                 'the simulation is running; pause it first')
@@ -186,7 +186,7 @@ class SimulationInterfacesServer:
         return self._done(response)
 
     async def simulate_steps(self, handle: Any) -> Any:
-        """Run some steps while paused, and tell of each; a cancelled goal ends between two."""
+        """Run some steps while paused, with feedback on each; cancelling ends between two."""
         kind = import_module(f'{PACKAGE}.action').SimulateSteps
         response, feedback = kind.Result(), kind.Feedback()
         steps = handle.request.steps
@@ -209,7 +209,7 @@ class SimulationInterfacesServer:
         return self._done(response)
 
     async def reset_simulation(self, request: Any, response: Any) -> Any:
-        """Put everything back to the start, or what was spawned out; nothing else by itself."""
+        """Reset everything to the start, or remove spawned entities; no other scope works."""
         state = request.SCOPE_TIME | request.SCOPE_STATE
         acts = {request.SCOPE_DEFAULT: self._session.revert,
                 request.SCOPE_ALL: self._session.revert,
@@ -223,14 +223,14 @@ class SimulationInterfacesServer:
         return await self._carry_out(response, 'reset_simulation', acts[request.scope])
 
     async def get_entities(self, request: Any, response: Any) -> Any:
-        """Name the objects that fit the filters."""
+        """List the objects that match the filters."""
         def look() -> str:
             response.entities = self._fitting(request.filters)
             return ''
         return await self._search(request, response, 'get_entities', look)
 
     async def get_entities_states(self, request: Any, response: Any) -> Any:
-        """Give the objects that fit the filters and of which something is left; and where."""
+        """Return the objects that match the filters and still have parts, and their states."""
         def look() -> str:
             entities = self._entities()
             response.entities = [name for name in self._fitting(request.filters)
@@ -240,7 +240,7 @@ class SimulationInterfacesServer:
         return await self._search(request, response, 'get_entities_states', look)
 
     async def get_entity_state(self, request: Any, response: Any) -> Any:
-        """Give pose and twist of an object or a part."""
+        """Return pose and twist of an object or a part."""
         def look() -> str:
             response.state = self._state_of(self._entities(), request.entity)
             return ''
@@ -248,7 +248,7 @@ class SimulationInterfacesServer:
                                      self._result.RESULT_NOT_FOUND)
 
     async def get_entity_info(self, request: Any, response: Any) -> Any:
-        """Say what an object is made of; its tags are the kinds of its parts."""
+        """Describe the parts of an object; its tags are their kinds."""
         def look() -> str:
             entities = self._entities()
             response.info.category.category = self._types.EntityCategory.CATEGORY_OBJECT
@@ -259,7 +259,7 @@ class SimulationInterfacesServer:
                                      self._result.RESULT_NOT_FOUND)
 
     async def get_entity_bounds(self, request: Any, response: Any) -> Any:
-        """Give the box around what is left of an object, in the frame of its state."""
+        """Return the box around the remaining parts of an object, in the frame of its state."""
         def look() -> str:
             low, high = self._entities().bounds(request.entity)
             response.bounds.type = self._types.Bounds.TYPE_BOX
@@ -284,9 +284,9 @@ class SimulationInterfacesServer:
 
     def _fitting(self, filters: Any) -> list[str]:
         """
-        Name the objects that fit all filters.
+        List the objects that match all filters.
 
-        :raises CommandError: when a filter makes no sense.
+        :raises CommandError: if a filter is invalid.
         """
         entities = self._entities()
         pattern = Pattern(filters.filter)
@@ -302,7 +302,7 @@ class SimulationInterfacesServer:
         return self._within(entities, found, filters.bounds) if filters.bounds.points else found
 
     def _within(self, entities: Entities, names: list[str], bounds: Any) -> list[str]:
-        """Keep those whose boxes overlap a box or a sphere."""
+        """Select the objects whose boxes overlap a box or a sphere."""
         points = np.array([[p.x, p.y, p.z] for p in bounds.points])
         if len(points) != 2:
             raise CommandError(f'bounds have {len(points)} points; a box or a sphere has two')

@@ -28,15 +28,15 @@ from procphys_ros.schema import short
 
 def start_ros(args: list[str] | None, **options: Any) -> None:
     """
-    Start rclpy; it reads the command line and the parameter files.
+    Start rclpy with the command line and its parameter files.
 
-    :param args: with the name of the command first; None = the process's own.
+    :param args: beginning with the name of the command; None = the process's own.
     :param options: of `rclpy.init`.
-    :raises SceneError: when they cannot be read.
+    :raises SceneError: if they are invalid.
     """
     try:
         rclpy.init(args=args, **options)
-    except RuntimeError as error:  # RCLError and UnknownROSArgsError: only their text tells
+    except RuntimeError as error:  # RCLError and UnknownROSArgsError differ only in their text
         reason = str(error).partition(': ')[2] or str(error)
         hint = ('; write the numbers of a list alike, [1.0, 2.5, 0.0]'
                 if 'Sequence should be of same type' in reason else '')
@@ -48,10 +48,10 @@ def start_ros(args: list[str] | None, **options: Any) -> None:
 
 def overruled(words: Sequence[str], given: Mapping[str, Any]) -> list[str]:
     """
-    Return which values of `-p` do not hold.
+    List the values of `-p` that have no effect.
 
-    ROS keeps a value for each type that a parameter was given in, and takes whole numbers before
-    others: 2 in a file goes before a 0.5 that comes later.
+    ROS keeps a value for each type of a parameter's values, and prefers integers: 2 in a file
+    overrides a later 0.5.
 
     :param words: of the command line.
     :param given: values that the node was given, by name.
@@ -73,7 +73,7 @@ def _read(text: str) -> Any:
 
 
 def _plain(value: Any) -> Any:
-    """Make values comparable that the readers of YAML see as different types, such as 1e3."""
+    """Normalise values for which YAML readers have different types, such as 1e3."""
     if not isinstance(value, str) and hasattr(value, '__len__'):
         return [_plain(one) for one in value]
     try:

@@ -22,15 +22,15 @@ from procphys_ros.errors import CommandError
 from procphys_ros.output_files import write_beside
 from procphys_ros.simulation.archive import is_archive
 
-_LARGEST = 2 << 30  # [bytes] of a file that is read
-_HEAD = 64  # [bytes] that tell what a file is
+_LARGEST = 2 << 30  # [bytes] of a file to be read
+_HEAD = 64  # [bytes] that identify the type of a file
 
 
 def write_state(path: Path, data: bytes) -> None:
     """
-    Write a file such that a reader sees all of it or what was there before.
+    Write a file atomically: readers see all of it or the previous content.
 
-    :raises CommandError: when it cannot be written; nothing has changed then.
+    :raises CommandError: if it cannot be written; nothing has changed then.
     """
     try:
         if path.exists() and not path.is_file():  # a device would be replaced by a file
@@ -50,9 +50,9 @@ def _is_replaceable(path: Path) -> bool:
 
 def read_state(path: Path) -> bytes:
     """
-    Read a plain file.
+    Read a regular file.
 
-    :raises CommandError: when there is none, it is no plain file, or too large.
+    :raises CommandError: if there is none, it is not a regular file, or too large.
     """
     try:
         about = path.stat()

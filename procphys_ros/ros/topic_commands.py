@@ -40,14 +40,14 @@ from procphys_ros.simulation.validation import checked_rotation, checked_vector
 
 class TopicCommands:
     """
-    Subscribes to the command topics.
+    Subscribe to the command topics.
 
     :param node: the node that subscribes.
-    :param queue: where commands wait for the next step.
-    :param session: carries the commands out.
+    :param queue: of commands for the next step.
+    :param session: executes the commands.
     :param requests: reads the parameters that a command needs.
-    :param frame: frame that vectors must be in.
-    :param intruders: names of the bodies that can be moved besides the nameless one.
+    :param frame: required frame of vectors.
+    :param intruders: names of the movable bodies besides the unnamed one.
     """
 
     def __init__(self, node: Node, queue: CommandQueue, session: Session, requests: Requests,
@@ -78,11 +78,11 @@ class TopicCommands:
 
     @property
     def names(self) -> list[str]:
-        """Name the topics, after remapping."""
+        """Return the names of the topics, after remapping."""
         return self._receiver.names
 
     def unheard(self) -> dict[str, tuple[str, str]]:
-        """Give, by topic, a node that publishes it in a quality that is not heard, and why."""
+        """Return, by topic, a publisher of incompatible quality of service, and the reason."""
         return self._receiver.unheard()
 
     def start(self) -> None:
@@ -90,7 +90,7 @@ class TopicCommands:
         self._receiver.start()
 
     def stop(self, patience: float) -> bool:
-        """End receiving, wait some time for that [s], and say whether it has ended."""
+        """End receiving, wait some time [s], and return whether it has ended."""
         return self._receiver.stop(patience)
 
     def _subscribe(self, name: str, kind: type, read: Callable[[Any], Act]) -> None:
@@ -153,6 +153,6 @@ class TopicCommands:
 
 
 def _on_part(message: WrenchStamped, linear: str, angular: str) -> tuple:
-    """Read which part is meant, and the two vectors."""
+    """Read the name of the part, and the two vectors."""
     part = part_name(message.header.frame_id, 'header.frame_id')
     return part, triple(message.wrench.force, linear), triple(message.wrench.torque, angular)

@@ -33,13 +33,13 @@ _PACKAGE = 'tf2_msgs'
 
 class TransformPublisher:
     """
-    Publishes a frame per object, named as it is, at the first part that is left of it.
+    Publish a frame per object, with its name, at its first remaining part.
 
-    Without the package tf2_msgs, or with half of it, it says so once, and does nothing.
+    Without the package tf2_msgs, or with an incomplete one, it warns once and does nothing.
 
     :param node: the node that publishes.
-    :param frame: the frame that they are in.
-    :ivar new: tells of new subscribers.
+    :param frame: the parent frame.
+    :ivar new: tracks new subscribers.
     """
 
     def __init__(self, node: Node, frame: str):
@@ -53,7 +53,7 @@ class TransformPublisher:
             kind = import_module(f'{_PACKAGE}.msg').TFMessage
             self._publisher = qos.publisher(node, kind, '/tf', qos.changes(),
                                             event_callbacks=self.new.events)
-        except Exception as error:  # each file that may be missing is missed in another way
+        except Exception as error:  # each missing file raises another exception
             if not node.context.ok():
                 raise
             node.get_logger().warning(
@@ -63,7 +63,7 @@ class TransformPublisher:
 
     def publish(self, simulation: Simulation, has_moved: bool) -> None:
         """
-        Publish where all objects are.
+        Publish the poses of all objects.
 
         :param has_moved: whether steps were run since the last call.
         """
@@ -89,7 +89,7 @@ class TransformPublisher:
 
 
 def frames(simulation: Simulation) -> tuple[tuple[str, ...], np.ndarray]:
-    """Give the objects of which something is left, and the first part of each that is, (K,)."""
+    """Return the objects that still have parts, and the first remaining part of each, (K,)."""
     there = np.isfinite(simulation.poses[:, 0])
     names, parts = [], []
     for one in simulation.objects:

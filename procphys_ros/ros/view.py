@@ -41,8 +41,8 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     Serve a page until Ctrl-C.
 
-    :param words: behind the command's name; None = the process's own.
-    :returns: exit code: 0 done, 1 the scene or the page cannot be had, 2 invalid usage.
+    :param words: after the command's name; None = the process's own.
+    :returns: exit code: 0 done, 1 the scene or the page is not available, 2 invalid usage.
     """
     own, for_ros = split_words(sys.argv[1:] if words is None else words)
     said = _parser().parse_args(own)
@@ -63,12 +63,12 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
-    # Unlike an Event, it takes a second signal that comes while the first is handled.
+    # Unlike an Event, it accepts a second signal while the first is handled.
     ended: SimpleQueue[int] = SimpleQueue()
-    # Not before: what builds the scene is to be interrupted.
+    # Not earlier: building the scene must be interruptible.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda told, _: ended.put(told))
-    # Late, as what follows: scenes take a second that help and mistakes need not wait for.
+    # Late, like the following: scenes take a second, which help and errors need not wait for.
     from procphys_ros.scene.named import shipped_scenes
 
     with closing(Page(source, said.host, said.port, shipped_scenes(), said.allow_host)) as page:
@@ -81,7 +81,7 @@ def _serve(source: Any, said: argparse.Namespace, title: str) -> None:
 
 
 def _played(said: argparse.Namespace) -> Any:
-    # Late, because kernels and engines take seconds that help and mistakes need not wait for.
+    # Late, because kernels and engines take seconds, which help and errors need not wait for.
     from procphys_ros.scene.named import open_scene, shown_name
     from procphys_ros.simulation import Simulation
     from procphys_ros.view.player import Player

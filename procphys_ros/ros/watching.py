@@ -34,11 +34,11 @@ _MOST_BREAKS = 10  # lines for one message; a collapse breaks thousands of bonds
 
 def watch(remote: Remote, seconds: float | None, out: TextIO) -> None:
     """
-    Print a line when something changes: the status each second, and bonds as they break.
+    Print a line on each change: the status each second, and bonds as they break.
 
     :param remote: the node.
-    :param seconds: when to stop [s]; None = never.
-    :param out: a terminal gets the status in place, anything else a line each.
+    :param seconds: time until the end [s]; None = no limit.
+    :param out: on a terminal the status line is overwritten, elsewhere each is a new line.
     """
     scenes: list[String] = []
     statuses: list[DiagnosticArray] = []

@@ -183,7 +183,7 @@ class LodScheduler:
             self.asleep[trees[rests & calm & ~self._free[trees]]] = True
 
     def shown_shares(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the trees whose shown poses change in this step, and their interpolation shares."""
+        """Return the trees whose shown poses change now, and their interpolation shares."""
         begun = self.due - self.steps
         trees = np.flatnonzero(self.due >= self.now)
         return trees, (self.now - begun[trees]) / self.steps[trees]
