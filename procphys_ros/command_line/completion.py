@@ -24,7 +24,7 @@ import re
 from procphys_ros.command_line import words
 from procphys_ros.command_line.description import Description
 
-_MOST = 200  # names offered at once; a shell that is given thousands asks whether to show them
+_MOST = 200  # names offered at once; for thousands a shell asks whether to show them
 _FIXED = {'wind': ('on', 'off'), 'completion': ('bash', 'zsh')}
 _TAKES_PART = ('impulse', 'wrench', 'list')
 _ZSH = 'autoload -U +X compinit && compinit; autoload -U +X bashcompinit && bashcompinit\n'
@@ -40,12 +40,12 @@ complete -F _procphys_command {names}
 
 def script(shell: str, program: str) -> str:
     """
-    Write the lines that teach a shell to complete the command.
+    Return the shell code that enables completion of the command.
 
     :param shell: 'bash' or 'zsh'.
     :param program: path of the command.
     """
-    # `command` alone is a builtin of the shells: only the path means this program.
+    # `command` alone is a shell builtin: only the path identifies this program.
     names = ' '.join(dict.fromkeys([program, os.path.relpath(program)]))
     lines = _SHELL.format(program=program, names=names)
     return _ZSH + lines if shell == 'zsh' else lines
@@ -53,10 +53,10 @@ def script(shell: str, program: str) -> str:
 
 def answers(typed: Sequence[str], scene: Path) -> list[str]:
     """
-    Offer what may come next.
+    Offer completions.
 
-    :param typed: words so far; the last is being typed and may be empty.
-    :param scene: file with the names of the last scene seen, see `remember`.
+    :param typed: words so far; the last is incomplete and may be empty.
+    :param scene: file with the names of the last known scene, see `remember`.
     """
     *before, word = typed or ['']
     verb = next((w for w in before if w in words.verbs()), '')
@@ -75,13 +75,13 @@ def answers(typed: Sequence[str], scene: Path) -> list[str]:
 
 def remember(description: Description, scene: Path) -> None:
     """
-    Keep the names of a scene for the TAB key, which cannot wait for a node to be found.
+    Store the names of a scene for completion, which cannot wait for a node to be found.
 
-    :param description: what the node said.
-    :param scene: file to write; that it cannot be is no error.
+    :param description: from the node.
+    :param scene: file to write; errors are ignored.
     """
     names = {owner: description.parts(owner) for owner in description.objects}
-    if scene.parts[0] == '~':  # neither HOME nor the users' table knows a home
+    if scene.parts[0] == '~':  # neither HOME nor the user database has a home
         return
     try:
         scene.parent.mkdir(parents=True, exist_ok=True)
@@ -91,7 +91,7 @@ def remember(description: Description, scene: Path) -> None:
 
 
 def memory(node: str) -> Path:
-    """Give the file for the names of a node's scene, one for each ROS domain."""
+    """Return the file for the names of a node's scene, one for each ROS domain."""
     folder = os.environ.get('XDG_CACHE_HOME', '')
     if not os.path.isabs(folder):  # the specification: a relative one counts as unset
         folder = os.path.expanduser('~/.cache')
@@ -100,7 +100,7 @@ def memory(node: str) -> Path:
 
 
 def _names(word: str, scene: Path) -> list[str]:
-    """Offer objects, and once one is typed its parts."""
+    """Offer objects, and after a slash their parts."""
     try:
         known: dict[str, list[str]] = json.loads(scene.read_text('utf-8'))
     except (OSError, ValueError):

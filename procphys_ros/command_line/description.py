@@ -41,20 +41,20 @@ class Description:
 
     @property
     def names(self) -> list[str]:
-        """Name all parts, in their order."""
+        """Return the names of all parts, in their order."""
         return self._content['parts']['name']
 
     @property
     def objects(self) -> list[str]:
-        """Name the objects."""
+        """Return the names of the objects."""
         return list(self._ranges)
 
     def parts(self, owner: str) -> list[str]:
-        """Name the parts of an object as `<object>/<kind>_<index>`; none when there is no such."""
+        """Return the parts of an object as `<object>/<kind>_<index>`; empty if it is unknown."""
         return [self._content['parts']['name'][i] for i in self._ranges.get(owner, ())]
 
     def overview(self) -> Iterator[str]:
-        """Give a line per object: its name, how many parts of which kinds, their mass."""
+        """Yield a line per object: its name, its numbers of parts by kind, and their mass."""
         width = max((len(name) for name in self.objects), default=0)
         kinds, masses = self._content['parts']['kind'], self._content['parts']['mass']
         for name in self.objects:
@@ -67,10 +67,10 @@ class Description:
 
     def listing(self, pattern: str) -> Iterator[str]:
         """
-        Give a line per part that a pattern names.
+        Yield a line per part that matches a pattern.
 
         :param pattern: `oak_0`, `oak_*`, `house/pane`, `house/pane_3`, `house/12`, with wildcards.
-        :raises CommandError: when it names none; the message offers what there is.
+        :raises CommandError: if there is none; the message suggests names.
         """
         owner, _, part = pattern.partition('/')
         owners = [name for name in self.objects if fnmatchcase(name, owner)]
@@ -92,9 +92,9 @@ class Description:
 
     def check_part(self, name: str) -> None:
         """
-        Make sure that a name or an index means one part.
+        Validate that a name or an index identifies one part.
 
-        :raises CommandError: when it means none, or several; the message offers what there is.
+        :raises CommandError: if it matches none, or several; the message suggests names.
         """
         total = len(self._content['parts']['name'])
         if name.isascii() and name.isdigit():
@@ -114,7 +114,7 @@ class Description:
                                f'such as {found[0]}')
 
     def _matching(self, owner: str, part: str) -> Iterator[int]:
-        """Find the parts of an object that a kind, a name, an index or wildcards mean."""
+        """Find the parts of an object that match a kind, a name, an index or wildcards."""
         for local, i in enumerate(self._ranges.get(owner, ())):
             name = self._content['parts']['name'][i].rpartition('/')[2]
             kind = self._content['parts']['kind'][i]

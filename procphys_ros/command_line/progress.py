@@ -22,10 +22,10 @@ from procphys_ros.physics.causes import Cause
 
 def status_line(message: str, values: Mapping[str, str]) -> str:
     """
-    Say how a simulation does.
+    Describe the state of a simulation in one line.
 
     :param message: of its diagnostic status.
-    :param values: of that status; there are few before there is a scene.
+    :param values: of that status; only few before there is a scene.
     """
     if 'simulation time [s]' not in values:
         return message
@@ -45,7 +45,7 @@ def break_line(row: Mapping[str, float], names: Sequence[str] = ()) -> str:
     Describe a broken bond in one line.
 
     :param row: of `~/breaks`.
-    :param names: of parts, as far as they are known.
+    :param names: of known parts.
     """
     cause = int(row['cause'])
     name = Cause(cause).name.lower() if cause in set(Cause) else str(cause)

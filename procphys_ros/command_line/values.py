@@ -25,13 +25,13 @@ _TRUTH = {'true': True, 'on': True, 'yes': True, 'false': False, 'off': False, '
 
 def parse(words: Sequence[str], present: Any, of_texts: bool = False) -> Any:
     """
-    Read a value in the type of the present one.
+    Parse a value of the type of the present one.
 
     :param words: as typed; lists word by word, or in brackets with commas.
-    :param present: value that it replaces; None = of any type.
-    :param of_texts: whether that is a list of texts: then each word is one, whatever it holds,
-        unless all are in one pair of brackets.
-    :raises CommandError: when it cannot be such a value.
+    :param present: value to be replaced; None = of any type.
+    :param of_texts: whether that is a list of strings: then each word is an item, whatever it
+        contains, unless all are in one pair of brackets.
+    :raises CommandError: if it does not have that type.
     """
     if of_texts:
         return [] if words == [''] else _texts(words)
@@ -55,7 +55,7 @@ def parse(words: Sequence[str], present: Any, of_texts: bool = False) -> Any:
 
 
 def show(value: Any) -> str:
-    """Write a value as `parse` reads it."""
+    """Format a value for `parse`."""
     if value is None:
         return '(not set)'
     if isinstance(value, bool):
@@ -71,13 +71,13 @@ def show(value: Any) -> str:
 
 
 def _texts(words: Sequence[str]) -> list[str]:
-    """Read a list of texts, word by word or as YAML writes it."""
+    """Parse a list of strings, word by word or as in YAML."""
     text = ' '.join(words)
     if not (text.startswith('[') and text.endswith(']')):
         return list(words)
-    import yaml  # late, because the TAB key need not wait for it
+    import yaml  # late, because completion need not wait for it
     try:
-        values = yaml.load(text, yaml.BaseLoader)  # reads texts only, also for 'on' and 12
+        values = yaml.load(text, yaml.BaseLoader)  # reads strings only, also for 'on' and 12
     except yaml.YAMLError as error:
         raise CommandError(f'"{text}" is not a list such as [oak, pine]') from error
     if not all(isinstance(value, str) for value in values):

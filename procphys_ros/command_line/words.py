@@ -48,10 +48,10 @@ examples:
 
 def read(words: Sequence[str] | None = None) -> argparse.Namespace:
     """
-    Read the words behind the command's name; print help or an error and exit where they ask.
+    Parse the words after the command's name; print help or an error and exit if required.
 
     :param words: None = the process's own.
-    :returns: `verb`, and what belongs to it; `node` and `timeout` in any case.
+    :returns: `verb`, and its arguments; `node` and `timeout` in any case.
     :raises SystemExit: with code 0 for help, 2 for invalid usage.
     """
     parser, _ = _grown()
@@ -62,7 +62,7 @@ def read(words: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 class _Parser(OneLineParser):
-    """Parser for which every number is a value, however it is written, never an option."""
+    """Parser that treats every number as a value, in any notation, never as an option."""
 
     def __init__(self, **keywords):
         super().__init__(formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -76,13 +76,13 @@ def verbs() -> list[str]:
 
 
 def options(verb: str) -> list[str]:
-    """List the options of a verb; those of the command itself when there is no such verb."""
+    """List the options of a verb; those of the command itself if there is no such verb."""
     parser, verb_parsers = _grown()
     return sorted(set(re.findall(r'--[a-z]+', verb_parsers.get(verb, parser).format_usage())))
 
 
 def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
-    """Make the parser, and give it with those of its verbs."""
+    """Make the parser, and return it with those of its verbs."""
     parser = _Parser(prog='command', description='Talk to a running simulation.',
                      epilog=f'{_EXAMPLES}\n{EXIT_CODES}')
     parser.set_defaults(**_REACH)
@@ -97,7 +97,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
 
 
 def _add_reach(parser: argparse.ArgumentParser) -> None:
-    """Add what finds the node: before the verb or behind it."""
+    """Add the options that select the node: before the verb or after it."""
     parser.add_argument('--node', type=node, default=argparse.SUPPRESS, metavar='NAME',
                         help=f'the node to talk to (default {_REACH["node"]})')
     parser.add_argument('--timeout', type=positive, default=argparse.SUPPRESS, metavar='S',
@@ -106,7 +106,7 @@ def _add_reach(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_loads(group) -> None:
-    """Add what moves and breaks things."""
+    """Add the verbs that load, move and break parts."""
     wind = group.add_parser('wind', help='set the mean wind, or switch it on and off',
                             description='Set the mean wind, the way it blows to [m/s], or say '
                                         '"on" or "off".', epilog='example: command wind 12 0 0')
@@ -143,7 +143,7 @@ def _add_loads(group) -> None:
 
 
 def _add_time(group) -> None:
-    """Add what concerns time and the scene."""
+    """Add the verbs for time and the scene."""
     group.add_parser('pause', help='let simulated time stand still')
     group.add_parser('resume', help='let it go on')
     step = group.add_parser('step', help='one or more time steps, while paused')
@@ -173,7 +173,7 @@ def _add_time(group) -> None:
 
 
 def _add_looks(group) -> None:
-    """Add what shows things and changes none."""
+    """Add the verbs that only show information."""
     listing = group.add_parser('list', help='objects, or the parts of some', epilog=(
         "examples: command list    command list 'oak_*'    command list house/pane"))
     listing.add_argument('pattern', nargs='?', default='', metavar='OBJECT[/PART]',

@@ -26,11 +26,11 @@ import yaml
 from procphys_ros.errors import nearest_names, ProcPhysError
 from procphys_ros.resources import shared_folder
 
-_NO_PROGRAMS = ('__init__', '__main__', 'catalogue', 'command')  # modules beside the programs
+_NO_PROGRAMS = ('__init__', '__main__', 'catalogue', 'command')  # modules that are not programs
 
 
 class UnknownExampleError(ProcPhysError):
-    """A name that no example has."""
+    """A name without an example."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +38,10 @@ class Example:
     """
     A scene file, or a program of this package.
 
-    :ivar name: its file's, without the suffix.
+    :ivar name: of its file, without the suffix.
     :ivar path: of the file.
-    :ivar title: what it shows, the first paragraph of its own description.
-    :ivar cues: what happens by itself, `<time [s]> <command>` each.
+    :ivar title: the first paragraph of its own description.
+    :ivar cues: scheduled commands, `<time [s]> <command>` each.
     """
 
     name: str
@@ -65,7 +65,7 @@ def examples() -> dict[str, Example]:
 
 def find(name: str) -> Example:
     """
-    Give the example of a name.
+    Return the example of a name.
 
     :param name: with or without the suffix of its file.
     :raises UnknownExampleError: with the nearest names.

@@ -35,8 +35,8 @@ def main(words: Sequence[str] | None = None) -> int:
     """
     List the examples, or run one: a scene with its page open until Ctrl-C, a program to its end.
 
-    :param words: behind the command's name; None = the process's own.
-    :returns: exit code: 0 done, 1 no such example, or its page cannot be had, 2 invalid usage.
+    :param words: after the command's name; None = the process's own.
+    :returns: exit code: 0 done, 1 no such example, or no page for it, 2 invalid usage.
     """
     said, others = _parser().parse_known_args(sys.argv[1:] if words is None else list(words))
     if said.name is None:
@@ -52,7 +52,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def listing() -> str:
-    """Say of every example what it shows and what happens in it."""
+    """Return the title and the cues of every example, as text."""
     known = examples()
     width = max(map(len, known)) + 2
     columns = min(_WIDEST, max(_NARROWEST, shutil.get_terminal_size().columns))

@@ -67,7 +67,7 @@ def fly(simulation: Simulation, look: Callable[[Simulation], None]) -> None:
 
 
 def main() -> None:
-    """Fly, and print what was felt."""
+    """Fly, and print force, torque, momentum and damage."""
     simulation = world()
     wrenches, moved = [], np.zeros(len(simulation.poses))
 

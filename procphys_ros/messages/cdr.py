@@ -30,16 +30,16 @@ Stamp = tuple[int, int]  # seconds and nanoseconds of simulation time
 
 
 def stamp(time: float) -> Stamp:
-    """Split a time [s] into whole seconds and nanoseconds, as builtin_interfaces/Time has them."""
+    """Split a time [s] into whole seconds and nanoseconds, as in builtin_interfaces/Time."""
     nanoseconds = round(time * 1e9)
     return nanoseconds // 10**9, nanoseconds % 10**9
 
 
 class Writer:
     """
-    Append primitives with the padding that CDR asks for.
+    Append primitives with the padding of CDR.
 
-    :param position: bytes that stand before this writer's first one, after the encapsulation.
+    :param position: number of bytes between the encapsulation and this writer's first one.
     """
 
     def __init__(self, position: int = 0):
@@ -52,13 +52,13 @@ class Writer:
         return self._start + len(self._buffer)
 
     def align(self, size: int) -> int:
-        """Pad to a multiple of `size` bytes and give the offset inside this writer's bytes."""
+        """Pad to a multiple of `size` bytes; return the offset inside this writer's bytes."""
         self._buffer += bytes(-self.position % size)
         return len(self._buffer)
 
     def numbers(self, code: str, *values: float) -> int:
         """
-        Write numbers of one kind; give the offset of the first inside this writer's bytes.
+        Write numbers of one type; return the offset of the first inside this writer's bytes.
 
         :param code: format character of `struct`: i, I, f, d, B or ?.
         """
@@ -73,7 +73,7 @@ class Writer:
         self._buffer += encoded
 
     def header(self, at: Stamp, frame_id: str) -> int:
-        """Write a std_msgs/Header; give the offset of its stamp inside this writer's bytes."""
+        """Write a std_msgs/Header; return the offset of its stamp inside this writer's bytes."""
         offset = self.numbers('i', at[0])
         self.numbers('I', at[1])
         self.string(frame_id)
@@ -84,5 +84,5 @@ class Writer:
         self._buffer += data if isinstance(data, bytes) else data.tobytes()
 
     def getvalue(self) -> bytes:
-        """Give all bytes written so far, without encapsulation."""
+        """Return all bytes written so far, without encapsulation."""
         return bytes(self._buffer)

@@ -26,11 +26,11 @@ from procphys_ros.palette import rgba
 NAMESPACE = 'dust'
 _EDGES = 0.1 * 2.0 ** np.arange(1, 7)  # [m] diameters between the markers, 0.2 to 6.4
 _MOST = 5000  # puffs drawn at once; of more, evenly chosen ones
-_FAINTEST = 5e-3  # opacity that nobody sees
+_FAINTEST = 5e-3  # smallest visible opacity
 
 
 class Puffs(Protocol):
-    """What is drawn: rows of positions [m], diameters [m], opacities 0 to 1."""
+    """Puffs of dust: rows of positions [m], diameters [m], opacities 0 to 1."""
 
     @property
     def positions(self) -> np.ndarray: ...
@@ -44,7 +44,7 @@ class Puffs(Protocol):
 
 class DustMarkers:
     """
-    Writes the markers of puffs and remembers what it wrote.
+    Write the markers of puffs, and remember the written state.
 
     :param frame_id: frame of the positions.
     :param namespace: `ns` of the markers.
@@ -58,21 +58,21 @@ class DustMarkers:
         self._sent: list[bytes | None] = [b''] * len(self._lists)
 
     def forget(self) -> None:
-        """Write everything anew next time, or delete it."""
+        """Write, or delete, all markers next time."""
         self._sent = [None] * len(self._lists)
 
     @property
     def deletions(self) -> list[bytes]:
-        """Give the deletion of every marker."""
+        """Return the deletions of all markers."""
         return [marker.deletion for marker in self._lists]
 
     def write(self, puffs: Puffs, at: Stamp) -> tuple[list[bytes], int]:
         """
         Write the markers that changed.
 
-        :param puffs: all dust there is.
+        :param puffs: all dust.
         :param at: stamp of the markers.
-        :returns: the markers, and how many they are.
+        :returns: the markers, and their number.
         """
         seen = np.flatnonzero(puffs.opacity > _FAINTEST)
         seen = seen[::-(-len(seen) // _MOST) or 1]

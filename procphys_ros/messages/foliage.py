@@ -45,9 +45,9 @@ class Foliage:
     Triangles of one texture on the parts of one object.
 
     :ivar texture: index into the textures of the blueprint.
-    :ivar row: pose that each corner rides on, (3·T,) int32; parts first, then leaves.
+    :ivar row: pose that carries each corner, (3·T,) int32; parts first, then leaves.
     :ivar corners: in the frame of that pose [m], (3·T, 3).
-    :ivar carriers: what appears in `row`, each once.
+    :ivar carriers: the distinct values of `row`.
     """
 
     texture: int
@@ -73,12 +73,12 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
     """
     Collect the leaves and ornaments of all objects, one entry per object and texture.
 
-    Leaves have poses of their own, numbered behind the N parts. Twigs are drawn when there is
-    room for them beside the leaves. When there are `too_many` leaves, evenly chosen ones are
-    drawn larger in place of all, so that the area of green stays, and ride on their parts.
+    Leaves have separate poses, numbered after the N parts. Twigs are drawn within the budget left
+    by the leaves. If there are `too_many` leaves, every n-th one is drawn enlarged instead, such
+    that the leaf area is kept, at the pose of its part.
 
     :param objects: owners of the parts, in part order.
-    :param most_triangles: of leaves and of boneless twigs in all.
+    :param most_triangles: budget for leaves and boneless twigs in all.
     """
     leaves, ornaments = blueprint.leaves, blueprint.ornaments
     carrier = len(blueprint) + np.arange(len(leaves))
@@ -116,10 +116,10 @@ def _thinned(leaves: Leaves, most: int) -> Leaves:
 
 def _leaf_corners(leaves: Leaves, petiole: np.ndarray, textures: tuple[str, ...]) -> np.ndarray:
     """
-    Shape every leaf as two crossed triangles that stand on its petiole (L, 7), (6·L, 3).
+    Compute the corners of two crossed triangles per leaf on its petiole (L, 7), (6·L, 3).
 
-    Marker textures are loaded anew at every update, so a leaf cannot be a quad with a cut-out
-    picture; a triangle is the plainest pointed shape, and half the bytes.
+    Marker textures are loaded again at every update, so a leaf cannot be a quad with a cut-out
+    picture; a triangle is the simplest pointed shape, with half the bytes.
     """
     aspects = np.array([look(name).aspect for name in textures] or [1.0])
     half = 0.5 * aspects[leaves.texture] * leaves.size

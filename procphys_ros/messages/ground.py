@@ -33,9 +33,9 @@ _TERRAIN, _PAVING = 'terrain', 'paving'  # namespaces of markers
 
 def thinned(terrain: Terrain, most: int = MOST_HEIGHTS) -> Terrain:
     """
-    Keep each k-th height in both directions, with the least k that leaves no more than so many.
+    Keep every k-th height in both directions, with the smallest k that leaves at most `most`.
 
-    Beyond the last height the ground goes on level, so the last cells may reach further.
+    Beyond the last height the ground continues level, so the last cells may reach farther.
     """
     step = 1
     while np.prod([-(-(count - 1) // step) + 1 for count in terrain.heights.shape]) > most:
@@ -48,7 +48,7 @@ def thinned(terrain: Terrain, most: int = MOST_HEIGHTS) -> Terrain:
 
 
 def _on(shown: Terrain, terrain: Terrain, points: np.ndarray) -> np.ndarray:
-    """Lift points over a terrain as much over the one that is shown instead of it."""
+    """Move points over a terrain to the same height over the terrain shown instead of it."""
     if shown is terrain:
         return points
     lift = points[:, 2] - terrain.height(points)
@@ -90,12 +90,12 @@ def ground_of(described: Mapping[str, Any]) -> tuple[Terrain, list[Paving]]:
 def ground_markers(terrain: Terrain, paving: Sequence[Paving], at: Stamp,
                    frame_id: str) -> bytes:
     """
-    Write a visualization_msgs/MarkerArray of the ground, which clears what was shown before.
+    Write a visualization_msgs/MarkerArray of the ground, which clears earlier markers.
 
     :param terrain: its surface; flat ground has no marker.
-    :param paving: what covers it.
+    :param paving: of the ground.
     :param at: stamp of the markers.
-    :param frame_id: frame of everything.
+    :param frame_id: frame of the markers.
     """
     chunks = [command(Action.DELETEALL, '', 0, frame_id)]
     shown = thinned(terrain)

@@ -27,7 +27,7 @@ _POSE = ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw')
 
 def leaf_rows(leaves: Leaves) -> np.ndarray:
     """
-    Turn leaves into rows of a point cloud.
+    Convert leaves to rows of a point cloud.
 
     :param leaves: fixed to parts.
     :returns: rows of dtype `LEAF`, (L,): petiole in the frame of the part, length [m], part, and
@@ -41,6 +41,6 @@ def leaf_rows(leaves: Leaves) -> np.ndarray:
 
 
 def leaves_of(rows: np.ndarray) -> Leaves:
-    """Turn rows of dtype `LEAF` back into leaves."""
+    """Convert rows of dtype `LEAF` to leaves."""
     pose = np.stack([rows[name].astype(float) for name in _POSE], axis=-1)
     return Leaves(rows['part'], pose, rows['size'].astype(float), rows['texture'])

@@ -34,14 +34,14 @@ from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
 Colour = tuple[float, float, float, float]
 
 _NO_TIME: Stamp = (0, 0)
-_START = 4  # alignment of every marker: behind the count of the array
-BEFORE = 8 - _START  # bytes before markers in memory, so that their numbers are aligned there, too
+_START = 4  # alignment of every marker: after the count of the array
+BEFORE = 8 - _START  # bytes before markers in memory, so that their numbers are aligned there
 Chunk = bytes | memoryview
 """Markers as they go into a message: contiguous bytes."""
 
 
 class Kind(IntEnum):
-    """Marker.type, as far as it is used."""
+    """Used values of Marker.type."""
 
     CUBE = 1
     SPHERE = 2
@@ -66,9 +66,9 @@ def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
 
     :param namespace_bytes: length of `ns` in UTF-8.
     :param frame_id: frame of the markers.
-    :param mesh: resource that is drawn with its own materials; '' = none.
-    :param points: how many.
-    :returns: dtype with the fields that differ, as long as the marker; and the marker's bytes
+    :param mesh: resource drawn with its own materials; '' = none.
+    :param points: their number.
+    :returns: dtype of the varying fields, with the size of a marker; and the marker's bytes
         with those fields empty.
     """
     namespace = 'x' * namespace_bytes
@@ -90,14 +90,14 @@ def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
 
 class ListMarker:
     """
-    One marker with a list of points that change: TRIANGLE_LIST or SPHERE_LIST.
+    A marker with a varying list of points: TRIANGLE_LIST or SPHERE_LIST.
 
-    :param kind: which of them.
+    :param kind: one of these.
     :param namespace: `ns` of the marker.
     :param number: `id` of the marker.
     :param frame_id: frame of the points.
-    :param rgba: colour of all that has none of its own.
-    :ivar deletion: the marker that deletes it.
+    :param rgba: colour without colours of points.
+    :ivar deletion: marker that deletes it.
     """
 
     def __init__(self, kind: Kind, namespace: str, number: int, frame_id: str, rgba: Colour):
@@ -110,7 +110,7 @@ class ListMarker:
         self._behind = _finish(head)[len(self._before) + colour_count:]
 
     def laid_out(self, points: int) -> tuple[bytes, int, int]:
-        """Give the marker with points at the origin, and the offsets of its stamp and of these."""
+        """Return the marker with points at the origin, and the offsets of its stamp and points."""
         data = self.write(np.zeros((points, 3)), (0, 0))
         return data, self._offsets['stamp'], len(self._before)
 
@@ -133,7 +133,7 @@ class ListMarker:
 
 
 def command(action: Action, namespace: str, number: int, frame_id: str) -> bytes:
-    """Write a marker that only says what becomes of the one with this `ns` and `id`."""
+    """Write a marker that only executes an action on the marker of this `ns` and `id`."""
     layout, template = row_layout(len(namespace.encode()), frame_id)
     data = np.frombuffer(template, np.uint8).copy()
     fields = data.view(layout)
@@ -143,13 +143,13 @@ def command(action: Action, namespace: str, number: int, frame_id: str) -> bytes
 
 
 def marker_array(chunks: Sequence[Chunk], count: int) -> bytes:
-    """Put markers, whole rows or single ones, into a visualization_msgs/MarkerArray."""
+    """Join markers, whole rows or single ones, to a visualization_msgs/MarkerArray."""
     return b''.join((ENCAPSULATION, np.uint32(count).tobytes(), *chunks))
 
 
 def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
           number: int = 0) -> tuple[Writer, dict[str, int]]:
-    """Write a marker up to its points; give the offsets of its fields."""
+    """Write a marker up to its points; return the offsets of its fields."""
     writer = Writer(_START)
     offsets = {'stamp': writer.header(_NO_TIME, frame_id)}
     writer.string(namespace)
@@ -166,7 +166,7 @@ def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
 
 
 def _finish(head: Writer, mesh: str = '') -> bytes:
-    """Write what follows the points, filled up to a multiple of eight bytes."""
+    """Write the fields after the points, padded to a multiple of eight bytes."""
     for filling in range(8):
         writer = Writer(_START)
         writer.raw(head.getvalue())

@@ -45,20 +45,20 @@ from procphys_ros.messages.triangle_lists import TriangleLists
 from procphys_ros.palette import look
 from procphys_ros.rotation import compose
 
-# A part is drawn anew when it has moved by this much since it was last sent: [m] in position,
-# [-] in the quaternion (0.01 degrees). No screen shows less.
+# A part is sent again when it has moved by this much since the last time: [m] in position,
+# [-] in the quaternion (0.01 degrees). Smaller moves are not visible.
 _VISIBLE = 1e-4
 
 
 @dataclass(frozen=True)
 class MarkerStyle:
     """
-    How a scene is drawn.
+    Drawing options of a scene.
 
-    :ivar most_triangles: of leaves and twigs in all, see `foliage`.
+    :ivar most_triangles: budget for leaves and twigs, see `foliage`.
     :ivar mesh: resource for boxes that have moved, a unit cube; '' = they stay plain cubes.
-    :ivar shard: '' = nobody else draws into the same view, so the whole set may clear it; else
-        what tells the dust of this scene from that of others.
+    :ivar shard: '' = no other node draws into the view, so the full set may clear it; else a
+        prefix that distinguishes the dust of this scene from that of others.
     """
 
     most_triangles: int = 40_000
@@ -68,7 +68,7 @@ class MarkerStyle:
 
 class _Sent:
     """
-    Poses as they were sent last; NaN = not sent, or not there.
+    The last sent poses; NaN = not sent, or not present.
 
     :param count: number of rows.
     """
@@ -77,16 +77,16 @@ class _Sent:
         self.poses = np.full((count, 7), np.nan)
 
     def grow(self, count: int) -> None:
-        """Have rows for so many in all."""
+        """Extend the rows to `count` in all."""
         new = np.full((count - len(self.poses), 7), np.nan)
         self.poses = np.concatenate([self.poses, new])
 
     def update(self, poses: np.ndarray) -> np.ndarray:
         """
-        Take over what is seen to have moved, appeared or vanished.
+        Store the poses that have visibly moved, appeared or vanished.
 
         :param poses: present ones, (K, 7).
-        :returns: what has changed, (K,) bool.
+        :returns: which have changed, (K,) bool.
         """
         changed = np.empty(len(poses), bool)
         _take_over(poses, self.poses, _VISIBLE, changed)
@@ -95,15 +95,15 @@ class _Sent:
 
 class SceneMarkers:
     """
-    Writes the markers of a scene and remembers what it wrote.
+    Write the markers of a scene, and remember the written state.
 
     A part whose pose is not finite does not exist: its marker is deleted.
 
     :param blueprint: all parts.
     :param objects: their owners, in part order.
     :param frame_id: frame of the poses.
-    :param style: how they are drawn.
-    :ivar shows_leaf_poses: whether leaves are drawn one by one, where their own poses are.
+    :param style: drawing options.
+    :ivar shows_leaf_poses: whether leaves are drawn singly, at their own poses.
     """
 
     def __init__(self, blueprint: Blueprint, objects: Sequence[PlacedObject], frame_id: str,
@@ -129,12 +129,12 @@ class SceneMarkers:
         self._clear = b'' if style.shard else command(Action.DELETEALL, '', 0, frame_id)
 
     def __len__(self) -> int:
-        """Give the number of parts."""
+        """Return the number of parts."""
         return len(self._sent.poses)
 
     def grow(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
         """
-        Draw parts that have come to a scene since as well.
+        Add parts that have joined the scene.
 
         :param blueprint: all parts, the old ones first.
         :param objects: all owners, the old ones first.
@@ -148,15 +148,15 @@ class SceneMarkers:
     def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
               puffs: Puffs | None = None) -> bytes:
         """
-        Write every marker that exists, after one that clears what stood there before.
+        Write every existing marker, after one that clears earlier markers.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
-        :param leaf_poses: petioles of all leaves, (L, 7), if `shows_leaf_poses`; None = still.
+        :param leaf_poses: petioles of all leaves, (L, 7), if `shows_leaf_poses`; None = at rest.
         :param puffs: of dust.
         """
-        # What has vanished since the last message is still deleted: nothing is cleared in a view
-        # that others draw into.
+        # Parts that vanished since the last message are still deleted: a view shared with other
+        # nodes is not cleared.
         self._sent.poses[np.isfinite(poses[:, 0])] = np.nan
         leaf_poses = self._shown_leaves(poses, leaf_poses)
         self._sent_leaves.poses[np.isfinite(leaf_poses[:, 0])] = np.nan
@@ -168,7 +168,7 @@ class SceneMarkers:
     def changes(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
                 puffs: Puffs | None = None) -> bytes | None:
         """
-        Write the markers that changed since the last call; None when there are none.
+        Write the markers that changed since the last call; None if there are none.
 
         :param poses: poses of all parts, (N, 7).
         :param at: stamp of the markers.
@@ -179,7 +179,7 @@ class SceneMarkers:
         return marker_array(chunks, count) if count else None
 
     def deletions(self, at: Stamp) -> bytes:
-        """Write the deletion of every marker, for views that others draw into as well."""
+        """Write the deletion of every marker, for views shared with other nodes."""
         gone = np.full_like(self._sent.poses, np.nan)
         none = np.zeros(len(gone), bool)
         chunks, count = self._parts.write(gone, at, self._sent.update(gone), none)
@@ -202,7 +202,7 @@ class SceneMarkers:
         return [chunk for some, _ in found for chunk in some], sum(count for _, count in found)
 
     def _shown_leaves(self, poses: np.ndarray, leaf_poses: np.ndarray | None) -> np.ndarray:
-        """Return the poses of leaves that are drawn one by one, (L, 7)."""
+        """Return the poses of leaves that are drawn singly, (L, 7)."""
         if not self.shows_leaf_poses:
             return np.zeros((0, 7))
         if leaf_poses is None:
@@ -212,7 +212,7 @@ class SceneMarkers:
 
 @kernel(nogil=True)
 def _take_over(poses, sent, limit, changed):
-    """Copy the poses that differ from those that were sent, and say which."""
+    """Copy the poses that differ from the sent ones, and mark them."""
     for i in range(len(poses)):
         there, differs = True, False
         for c in range(7):
@@ -229,7 +229,7 @@ def _take_over(poses, sent, limit, changed):
 
 @kernel(nogil=True)
 def _differ(poses, others, limit):
-    """Return which poses differ from others by more than a limit in any number, or are none."""
+    """Mark the poses that differ from others by more than a limit in any number, or are NaN."""
     out = np.zeros(len(poses), np.bool_)
     for i in range(len(poses)):
         for c in range(7):

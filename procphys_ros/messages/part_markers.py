@@ -34,20 +34,20 @@ _DELETE = int(Action.DELETE)
 
 class _Rows:
     """
-    Prepared markers of some parts with namespaces of one length.
+    Prepared markers of some parts with namespaces of equal length.
 
     :param parts: their indices, (K,).
     :param namespaces: bytes of `ns`, (K, L).
     :param frame_id: frame of the poses.
     :param mesh: resource to draw; '' = the shape.
-    :param points: how many points each marker has.
+    :param points: number of points of each marker.
     """
 
     def __init__(self, parts: np.ndarray, namespaces: np.ndarray, frame_id: str, mesh: str = '',
                  points: int = 0):
         self.parts = parts
         layout, template = row_layout(namespaces.shape[1], frame_id, mesh, points)
-        # The bytes lead, because numpy does not copy what lies between the fields of a record.
+        # The bytes are the base array: numpy does not copy gaps between the fields of a record.
         self._bytes = np.tile(np.frombuffer(template, np.uint8), (len(parts), 1))
         self._layout = layout
         self.fields = self._bytes.view(layout)[:, 0]
@@ -57,7 +57,7 @@ class _Rows:
                                  for name in ('stamp', 'action', 'pose')])
 
     def write(self, chosen: np.ndarray, poses: np.ndarray, at: Stamp) -> memoryview:
-        """Write the chosen rows; those of parts that are not there delete."""
+        """Write the chosen rows; those of missing parts are deletions."""
         length = self._layout.itemsize
         out = np.empty(BEFORE + len(chosen) * length + BEFORE, np.uint8)
         _write(self._bytes.view(np.uint32), chosen, self.parts, poses, self._places,
@@ -67,7 +67,7 @@ class _Rows:
 
 class PartMarkers:
     """
-    Writes one marker per part, `ns` = object, `id` = part index.
+    Write one marker per part, `ns` = object, `id` = part index.
 
     :param frame_id: frame of the poses.
     :param mesh: resource for boxes once they have moved, a unit cube; '' = they stay cubes.
@@ -83,7 +83,7 @@ class PartMarkers:
 
     def add(self, blueprint: Blueprint, objects: Sequence[PlacedObject]) -> None:
         """
-        Prepare the markers of parts that are new.
+        Prepare the markers of new parts.
 
         :param blueprint: all parts.
         :param objects: owners of the new ones.
@@ -124,11 +124,11 @@ class PartMarkers:
         """
         Write the markers of changed parts.
 
-        :param poses: of all parts, (N, 7); what is not finite is deleted.
+        :param poses: of all parts, (N, 7); parts with non-finite ones are deleted.
         :param at: stamp of the markers.
         :param changed: parts to write, (N,) bool.
-        :param away: parts that are not where they were built, (N,) bool.
-        :returns: the markers, and how many they are.
+        :param away: parts that have left their built poses, (N,) bool.
+        :returns: the markers, and their number.
         """
         there = np.isfinite(poses[:, 0])
         self._has_mesh |= away & there & self._may_have_mesh
@@ -144,10 +144,10 @@ class PartMarkers:
 
 
 def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Give extents [m], marker type and colour of every part."""
+    """Return extents [m], marker type and colour of every part."""
     capsule = blueprint.shape == Shape.CAPSULE
     size = blueprint.visual_size.copy()
-    # RViz draws no cones: a tapered segment becomes a cylinder of its middle diameter.
+    # RViz has no cones: a tapered segment becomes a cylinder of its middle diameter.
     size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
     kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
     ball = balls(blueprint)
@@ -156,7 +156,7 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     kind[solid], size[solid] = Kind.TRIANGLE_LIST, 1.0
     looks = [look(name) for name in blueprint.textures] or [look('')]
     colour = np.array([one.rgba for one in looks])[blueprint.texture]
-    # Neighbouring bricks differ a little, always in the same way; pieces of one brick do not.
+    # Neighbouring bricks differ slightly, always in the same way; pieces of one brick do not.
     spread = np.array([one.variation for one in looks])[blueprint.texture]
     tone = np.random.default_rng(0).uniform(-1.0, 1.0, len(blueprint))[first_pieces(blueprint)]
     shade = 1.0 + spread * tone
@@ -167,7 +167,7 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
 @kernel(nogil=True)
 def _write(rows, chosen, parts, poses, places, at, words, numbers):
     """
-    Copy rows behind each other, and fill in what changes; the first one begins at 4 bytes.
+    Copy consecutive rows, and fill in the varying fields; the first one begins at 4 bytes.
 
     :param places: of stamp, action and pose in a row, in words of 4 bytes.
     """

@@ -31,7 +31,7 @@ BREAK = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('bond', '<i4'), ('p
 DUST = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('size', '<f4'), ('opacity', '<f4')])
 
 
-# Points that a lidar measures: the range along the ray, and the part that was hit.
+# Points of a lidar scan: the range along the ray, and the hit part.
 SCAN = np.dtype([('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('range', '<f4'), ('part', '<i4')])
 
 
@@ -40,7 +40,7 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     Write a sensor_msgs/PointCloud2, one field per column.
 
     :param rows: structured array with x, y, z and any other numbers, (N,); or (H, W) where points
-        are ordered as in an image, those that are not there NaN.
+        are ordered as in an image, missing ones NaN.
     :param at: stamp of the message.
     :param frame_id: name of the frame.
     """
@@ -65,7 +65,7 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
 
 def dust_rows(positions: np.ndarray, sizes: np.ndarray, opacity: np.ndarray) -> np.ndarray:
     """
-    Turn puffs of dust into rows of a point cloud.
+    Convert puffs of dust to rows of a point cloud.
 
     :param positions: [m], (N, 3).
     :param sizes: diameters [m], (N,).
@@ -80,11 +80,11 @@ def dust_rows(positions: np.ndarray, sizes: np.ndarray, opacity: np.ndarray) -> 
 
 def scan_rows(points: np.ndarray, ranges: np.ndarray, parts: np.ndarray) -> np.ndarray:
     """
-    Turn what a lidar measured into rows of a point cloud.
+    Convert a lidar scan to rows of a point cloud.
 
-    :param points: [m], (H, W, 3), NaN where nothing is.
+    :param points: [m], (H, W, 3), NaN without a hit.
     :param ranges: [m], (H, W).
-    :param parts: that were hit, (H, W).
+    :param parts: hit ones, (H, W).
     :returns: rows of dtype `SCAN`, (H, W).
     """
     rows = np.empty(ranges.shape, SCAN)
@@ -96,7 +96,7 @@ def scan_rows(points: np.ndarray, ranges: np.ndarray, parts: np.ndarray) -> np.n
 
 def break_rows(events: np.ndarray) -> np.ndarray:
     """
-    Turn break events into rows of a point cloud.
+    Convert break events to rows of a point cloud.
 
     :param events: records with position, bond, part_a, part_b, cause, load and crack, (N,).
     :returns: rows of dtype `BREAK`, (N,).

@@ -39,13 +39,13 @@ def pose_array(poses: np.ndarray, at: Stamp, frame_id: str) -> bytes:
 
 def read_pose_array(data: bytes) -> np.ndarray:
     """
-    Read the poses of a geometry_msgs/PoseArray, as `pose_array` wrote them.
+    Read the poses of a geometry_msgs/PoseArray written by `pose_array`.
 
     :param data: little-endian CDR with its encapsulation.
     :returns: x y z qx qy qz qw, (N, 7).
     """
-    name = int.from_bytes(data[12:16], 'little')  # behind encapsulation and stamp: frame_id
-    at = 12 + name + (-name) % 4  # in the body, behind the encapsulation
+    name = int.from_bytes(data[12:16], 'little')  # after encapsulation and stamp: frame_id
+    at = 12 + name + (-name) % 4  # in the body, after the encapsulation
     count = int.from_bytes(data[4 + at:8 + at], 'little')
     at += 4
     at += (-at) % 8

@@ -34,14 +34,14 @@ _MORTAR_DIGITS = 4  # of boxes of mortar: tenths of a millimetre look alike
 
 class SceneDescription:
     """
-    Describes objects, parts and bonds; entry i of every list under `parts` is part i.
+    Describe objects, parts and bonds; entry i of every list under `parts` is part i.
 
-    Parts and bonds that come later are appended; what has been written once is kept as text.
+    Parts and bonds that join later are appended; text written once is kept.
 
-    :param frame_id: frame of the poses that are published.
+    :param frame_id: frame of the published poses.
     :param terrain: the surface of the ground.
-    :param paving: what covers it.
-    :param seats: finds where mortar belongs, from a bond on (`render.joints.seats`); None = no
+    :param paving: of the ground.
+    :param seats: finds the mortar joints, from a bond on (`render.joints.seats`); None = no
         mortar is described.
     :ivar parts: number of parts described so far.
     """
@@ -69,7 +69,7 @@ class SceneDescription:
 
         :param blueprint: all parts and bonds, those of the last call first.
         :param objects: their owners, in part order.
-        :param removed: names of those that were taken out; their parts keep their rows.
+        :param removed: names of removed objects; their parts keep their rows.
         """
         new = objects[self._objects:]
         self._owners += [{'name': o.name, 'first': o.first, 'count': o.count} for o in new]
@@ -112,7 +112,7 @@ class SceneDescription:
             self._add_mortar(self._seats(blueprint, self._bonds))
 
     def _add_mortar(self, seats: Any) -> None:
-        """Add joints with mortar; most walls have few forms of them."""
+        """Add mortar joints; most walls have few forms of them."""
         rows = np.column_stack([seats.box, seats.size, *seats.ends]).round(_MORTAR_DIGITS) + 0.0
         forms, place = np.unique(rows, axis=0, return_inverse=True)
         known = len(self._forms)

@@ -29,7 +29,7 @@ _NONE = np.zeros((0, 3))
 
 class TornMarkers:
     """
-    Writes the markers of torn wood and remembers what it wrote.
+    Write the markers of torn wood, and remember the written state.
 
     :param blueprint: all parts and bonds.
     :param frame_id: frame of the poses.
@@ -46,26 +46,26 @@ class TornMarkers:
         self._sent: dict[str, np.ndarray] = {}
 
     def grow(self, blueprint: Blueprint) -> None:
-        """Look after the joints of parts that have joined as well."""
+        """Include the joints of parts that have joined."""
         self._joints = WoodJoints(blueprint)
 
     def forget(self) -> None:
-        """Write everything anew next time."""
+        """Write all markers next time."""
         self._sent = {}
         self._torn.forget()
 
     @property
     def deletions(self) -> list[bytes]:
-        """Give the deletion of every marker."""
+        """Return the deletions of all markers."""
         return [marker.deletion for marker in self._lists.values()]
 
     def write(self, poses: np.ndarray, at: Stamp) -> tuple[list[bytes], int]:
         """
         Write the markers that changed.
 
-        :param poses: of all parts, (N, 7); not finite for parts that are no more.
+        :param poses: of all parts, (N, 7); not finite for missing parts.
         :param at: stamp of the markers.
-        :returns: the markers, and how many they are.
+        :returns: the markers, and their number.
         """
         torn = self._torn.update(self._joints, poses)
         if torn is not self._known:
@@ -92,7 +92,7 @@ def _joined(torn: dict[int, list[End]], name: str) -> tuple[np.ndarray, np.ndarr
 
 
 def _placed(poses: np.ndarray, part: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Put corners into the world, those of parts that there are, [m], (P, 3)."""
+    """Transform corners to the world, without those of missing parts, [m], (P, 3)."""
     there = (part == GROUND) | np.isfinite(poses[part, 0])
     if not there.all():
         part, corners = part[there], corners[there]

@@ -26,10 +26,10 @@ _NOWHERE = (0, 0, 0, 0, 0, 0, 1)
 
 class TransformMessage:
     """
-    Writes the transforms of a set of frames.
+    Write the transforms of a set of frames.
 
     :param names: of the frames.
-    :param frame_id: of the frame that they are in.
+    :param frame_id: of the parent frame.
     """
 
     def __init__(self, names: Sequence[str], frame_id: str):

@@ -32,10 +32,10 @@ from procphys_ros.messages.marker_rows import BEFORE, ListMarker
 
 class TriangleLists:
     """
-    Writes markers with triangles that ride on poses.
+    Write markers with triangles that are carried by poses.
 
     :param markers: of type TRIANGLE_LIST.
-    :param foliage: what each of them shows.
+    :param foliage: triangles of each marker.
     """
 
     def __init__(self, markers: Sequence[ListMarker], foliage: Sequence[Foliage]):
@@ -57,21 +57,21 @@ class TriangleLists:
 
     @property
     def deletions(self) -> list[bytes]:
-        """Give the deletion of every marker."""
+        """Return the deletions of all markers."""
         return self._deletions
 
     def write(self, poses: np.ndarray, changed: np.ndarray,
               at: Stamp) -> tuple[list[memoryview], int]:
         """
-        Write the markers of which something moved.
+        Write the markers with moved carriers.
 
-        Corners on what is not there any more shrink to a point; a marker without anything else is
+        Corners on missing carriers shrink to a point; a marker without any other carrier is
         deleted.
 
-        :param poses: that corners ride on, (M, 7).
-        :param changed: which of them have moved, (M,) bool.
+        :param poses: of the carriers, (M, 7).
+        :param changed: whether each has moved, (M,) bool.
         :param at: stamp of the markers.
-        :returns: the markers, which the next call overwrites, and how many they are.
+        :returns: the markers, which the next call overwrites, and their number.
         """
         moved = np.zeros(len(self._deletions), bool)
         _write(poses, changed, self._first_carrier, self._carrier, self._first, self._row,
@@ -86,18 +86,18 @@ class TriangleLists:
         return runs, int(np.count_nonzero(moved))
 
     def _are_there(self, poses: np.ndarray, asked: np.ndarray) -> np.ndarray:
-        """Return which of the markers asked for have a carrier that exists, (K,) bool."""
+        """Return which of the selected markers have an existing carrier, (K,) bool."""
         there = np.zeros(len(asked), bool)
         for marker in np.flatnonzero(asked):
             carriers = self._carrier[self._first_carrier[marker]:self._first_carrier[marker + 1]]
-            # Mostly the first one is there, and crowns move in every frame.
+            # Usually the first one exists, and crowns move in every frame.
             there[marker] = np.isfinite(poses[carriers[:1], 0]).any() or bool(
                 np.isfinite(poses[carriers, 0]).any())
         return there
 
 
 def _starts(lengths: list[int]) -> np.ndarray:
-    """Give where things begin that are laid end to end, and where the last one ends."""
+    """Return the start of each of consecutive blocks, and the end of the last."""
     return np.append(0, np.cumsum(np.array(lengths, np.int64)))
 
 
@@ -122,12 +122,12 @@ def _write(poses, changed, first_carrier, carrier, first, row, corners, stamp_at
 @kernel(nogil=True)
 def place(poses, row, corners, out):
     """
-    Put corners into the frame of the poses that they ride on.
+    Transform corners from the frames of their carriers to the world.
 
     :param poses: (M, 7).
-    :param row: of the pose of each corner, below 0 = it stays where it is, (P,).
+    :param row: of the pose of each corner, below 0 = no transform, (P,).
     :param corners: in the frames of these poses [m], (P, 3).
-    :param out: [m], (P, 3); zero where there is no pose.
+    :param out: [m], (P, 3); zero where the pose is missing.
     """
     for i in range(len(row)):
         if row[i] < 0:
@@ -144,6 +144,6 @@ def _placed(poses, p, corners, i):
     u = poses[p, 0] + a + w * tx + y * tz - z * ty
     v = poses[p, 1] + b + w * ty + z * tx - x * tz
     s = poses[p, 2] + c + w * tz + x * ty - y * tx
-    if u != u or v != v or s != s:  # the pose is none
+    if u != u or v != v or s != s:  # the pose is missing
         return 0.0, 0.0, 0.0
     return u, v, s

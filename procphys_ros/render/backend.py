@@ -20,19 +20,19 @@ from typing import Any
 _NO_MODERNGL = 'drawing needs ModernGL: pip install moderngl'
 _NO_OPENGL = ('drawing without a display needs OpenGL software rendering: '
               'apt-get install libegl1 libgl1 libgl1-mesa-dri')
-# By these names the libraries are there without their development packages.
+# Names of the libraries without their development packages.
 _LIBRARIES: dict[str, Any] = {'backend': 'egl', 'libgl': 'libGL.so.1', 'libegl': 'libEGL.so.1'}
 
 
 class RenderUnavailableError(ImportError):
-    """Something that drawing needs is not installed; the message says what to install."""
+    """A missing dependency of drawing; the message says what to install."""
 
 
 def open_context() -> Any:
     """
     Open an OpenGL 4.0 context that draws off-screen, a `moderngl.Context`.
 
-    :raises RenderUnavailableError: when ModernGL is not installed, or no OpenGL can be opened.
+    :raises RenderUnavailableError: if ModernGL is not installed, or no OpenGL can be opened.
     """
     try:
         import moderngl
@@ -40,5 +40,5 @@ def open_context() -> Any:
         raise RenderUnavailableError(f'{_NO_MODERNGL} ({error})') from error
     try:
         return moderngl.create_context(400, True, **_LIBRARIES)
-    except Exception as error:  # of whatever kind the binding to EGL raises
+    except Exception as error:  # of any kind that the binding to EGL raises
         raise RenderUnavailableError(f'{_NO_OPENGL} ({error})') from error

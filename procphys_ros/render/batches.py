@@ -25,25 +25,25 @@ from procphys_ros.render import texture
 from procphys_ros.render.program import Programs, set_uniforms
 from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
-_FIXED = '3f 3f 2f 1f'  # of each copy: what stays as it is
+_FIXED = '3f 3f 2f 1f'  # per copy: constant data
 _FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')
 _MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.SPRAY: ('3f', ('in_outward',)),
          Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c')),
          Kind.HEXAHEDRON: ('3f ' * 7 + '3f', tuple(f'in_c{corner}' for corner in range(8)))}
-_AWAY = -1e5  # [m] height at which pieces lie that are no more
+_AWAY = -1e5  # [m] height of pieces that are gone
 _SWELL = 0.012  # [m] by which bricks grow in the sun's view, to cover the joints between them
 
 
 @dataclass(frozen=True)
 class Copies:
     """
-    What stays as it is of some pieces while they move.
+    Constant data of some pieces, independent of their motion.
 
     :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
-        leaf length [m], aspect and what is left of its thickness, (K, 3).
+        leaf length [m], aspect and relative thickness, (K, 3).
     :ivar tone: colour, (K, 3).
-    :ivar share: sun and sky light that the leaves around let through, 0 to 1, (K, 2); of branches
-        the sky light at the base and at the tip.
+    :ivar share: sun and sky light transmitted by the surrounding leaves, 0 to 1, (K, 2); of
+        branches the sky light at the base and at the tip.
     :ivar offset: of the image [m], (K,).
     :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
         corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24); else
@@ -57,7 +57,7 @@ class Copies:
     more: np.ndarray
 
     def table(self) -> np.ndarray:
-        """Give one row per piece, in the order of the shaders."""
+        """Return one row per piece, in the order of the shaders."""
         return np.column_stack([self.size, self.tone, self.share, self.offset, self.more]
                                ).astype('f4')
 
@@ -87,16 +87,16 @@ class Batch:
 
     @property
     def lengths(self) -> np.ndarray:
-        """Give the first extents of all pieces [m], (K,)."""
+        """Return the first extents of all pieces [m], (K,)."""
         return self._fixed[:, 0]
 
     @property
     def is_glass(self) -> bool:
-        """Return whether one sees through it."""
+        """Return whether it is transparent."""
         return self.look.rgba[3] < 1.0
 
     def append(self, copies: Copies) -> None:
-        """Add pieces, which are nowhere until they are moved."""
+        """Add pieces, out of sight until they are moved."""
         table = copies.table()
         self._fixed = np.concatenate([self._fixed.reshape(-1, table.shape[1]), table])
         poses = np.zeros((len(table), 7), 'f4')
@@ -106,10 +106,10 @@ class Batch:
 
     def move(self, poses: np.ndarray, rows: slice | np.ndarray = slice(None)) -> None:
         """
-        Put pieces elsewhere.
+        Set the poses of pieces.
 
-        :param poses: world, (K, 7); not finite for pieces that are no more.
-        :param rows: which pieces; all when not given.
+        :param poses: world, (K, 7); not finite for pieces that are gone.
+        :param rows: pieces to move; default all.
         """
         poses = poses.astype('f4')
         gone = ~np.isfinite(poses).all(axis=1)
@@ -120,7 +120,7 @@ class Batch:
 
     def show(self, other: 'Batch', rows: np.ndarray, poses: np.ndarray) -> None:
         """
-        Hold the pieces of another batch in the place of its own.
+        Replace the pieces by some of another batch.
 
         :param rows: of the other batch, (K,).
         :param poses: world, (K, 7).
@@ -134,27 +134,27 @@ class Batch:
             self.move(poses)
 
     def paint(self, tone: np.ndarray, rows: np.ndarray) -> None:
-        """Give pieces another colour, (K, 3)."""
+        """Set the colour of pieces, (K, 3)."""
         self._fixed[rows, 3:6] = tone
         self._buffers[1].write(self._fixed)
 
     def press(self, thickness: np.ndarray) -> None:
-        """Press leaves flat, to what is left of their thickness, (K,)."""
+        """Set the relative thickness of leaves, (K,)."""
         if not np.array_equal(self._fixed[:, 2], thickness.astype('f4')):
             self._fixed[:, 2] = thickness
             self._buffers[1].write(self._fixed)
 
     def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
-        """Change what only this kind has, see `Copies`, of some pieces, (K, n)."""
+        """Set the kind-specific data of some pieces, see `Copies`, (K, n)."""
         self._fixed[rows, -more.shape[1]:] = more
         self._buffers[1].write(self._fixed)
 
     def draw(self, uniforms: dict[str, Any]) -> None:
-        """Draw it as it looks."""
+        """Draw the surface."""
         self._render(self._surface, {**uniforms, 'opacity': self.look.rgba[3], 'swell': 0.0})
 
     def draw_shadow(self, projection: bytes) -> None:
-        """Draw its depth from the sun."""
+        """Draw the depth as seen from the sun."""
         if self._kind is not Kind.JOINT and not self.is_glass:
             self._render(self._shadow, {'projection': projection, 'swell': _SWELL})
 

@@ -24,7 +24,7 @@ from procphys_ros import rotation
 
 FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame
-_FEW, _ROUNDS = 100, 5  # points that are all looked at, and how often the target is shifted
+_FEW, _ROUNDS = 100, 5  # points that are all used, and number of shifts of the target
 _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the scene
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
@@ -32,10 +32,10 @@ _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and
 @dataclass(frozen=True)
 class View:
     """
-    What a camera sees.
+    Eye and angle of a camera.
 
-    :ivar eye: where it stands [m], (3,).
-    :ivar target: what it looks at [m], (3,).
+    :ivar eye: position of the camera [m], (3,).
+    :ivar target: centre of the picture [m], (3,).
     :ivar angle: vertical [degrees].
     """
 
@@ -45,28 +45,28 @@ class View:
 
     @property
     def back(self) -> np.ndarray:
-        """Give the unit vector from the target to the camera, (3,)."""
+        """Return the unit vector from the target to the camera, (3,)."""
         back = np.subtract(self.eye, self.target)
         return back / np.linalg.norm(back)
 
     @property
     def side(self) -> np.ndarray:
-        """Give the unit vector to the right of the picture, (3,)."""
+        """Return the unit vector to the right of the picture, (3,)."""
         side = np.cross([0.0, 0.0, 1.0], self.back)
-        length = np.linalg.norm(side)  # nothing when it looks straight up or down
+        length = np.linalg.norm(side)  # zero for a vertical view
         return side / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
 
     @property
     def up(self) -> np.ndarray:
-        """Give the unit vector to the top of the picture, (3,)."""
+        """Return the unit vector to the top of the picture, (3,)."""
         return np.cross(self.back, self.side)
 
     def projection(self, aspect: float, planes: tuple[float, float]) -> np.ndarray:
         """
-        Give the matrix from the world to the picture, as OpenGL has it, (4, 4).
+        Return the matrix from the world to the picture, as in OpenGL, (4, 4).
 
         :param aspect: width over height.
-        :param planes: the nearest and furthest that is drawn [m].
+        :param planes: smallest and largest drawn depth [m].
         """
         near, far = planes
         turn = np.eye(4)
@@ -99,7 +99,7 @@ def frame(points: np.ndarray, size: tuple[int, int], angle: float = FIELD_OF_VIE
     slope = np.tan(np.radians(angle) / 2.0)
     reach = slope * np.array([size[0] / size[1], 1.0])
     some = _outermost(points)
-    for _ in range(_ROUNDS):  # near things look larger: shift the target until both sides match
+    for _ in range(_ROUNDS):  # near objects look larger: shift the target until both sides match
         offset = some - centre
         away, beside = offset @ back, offset @ np.stack([right, up], axis=-1)
         distance = _MARGIN * max(float((np.abs(beside) / reach + away[:, None]).max()), 0.5)
@@ -110,23 +110,23 @@ def frame(points: np.ndarray, size: tuple[int, int], angle: float = FIELD_OF_VIE
 
 
 def _outermost(points: np.ndarray) -> np.ndarray:
-    """Give the corners of the convex hull, within which all others are seen, too."""
+    """Return the corners of the convex hull, which bound the view of all points."""
     if len(points) <= _FEW:
         return points
     try:
         hull = scipy.spatial.ConvexHull(points, qhull_options='QJ')  # they may lie in a plane
         return points[hull.vertices]
-    except scipy.spatial.QhullError:  # or all at one place
+    except scipy.spatial.QhullError:  # or coincide
         return np.unique(points, axis=0)
 
 
 def corners(poses: np.ndarray, size: np.ndarray, unit: np.ndarray) -> np.ndarray:
     """
-    Give points of pieces [m], world, (N·C, 3).
+    Transform unit points to points of pieces [m], world, (N·C, 3).
 
     :param poses: of the pieces, world, (N, 7).
     :param size: their extents [m], (N, 3).
-    :param unit: the points over the extents, (C, 3).
+    :param unit: the points relative to the extents, (C, 3).
     """
     turned = rotation.rotate(poses[:, None, 3:], unit * size[:, None])
     return (poses[:, None, :3] + turned).reshape(-1, 3)

@@ -35,22 +35,22 @@ from procphys_ros.scene.scenery import SkySettings, SunSettings
 
 _SAMPLES = 4  # per pixel, at edges
 _SHADOW_SIDE = 4096  # [px]
-_FURTHEST = 4000.0  # [m] that is drawn, at least
-_OCCLUSION_REACH = 0.7  # [m] within which surfaces take the sky's light from each other
+_FURTHEST = 4000.0  # [m] largest drawn depth, at least
+_OCCLUSION_REACH = 0.7  # [m] within which surfaces occlude the sky for each other
 _SPOKES, _RINGS = 48, np.array([0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0])  # [m]
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], 'f4')
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """A ball around what throws shadows: middle [m], (3,), and radius [m]."""
+    """A sphere around the shadow casters: middle [m], (3,), and radius [m]."""
 
     middle: np.ndarray
     radius: float
 
     @classmethod
     def of(cls, points: np.ndarray) -> 'Bounds':
-        """Find the ball around the box around points [m], (P, 3)."""
+        """Compute the sphere around the box of points [m], (P, 3)."""
         points = points[np.isfinite(points).all(axis=1)]
         if not len(points):
             return cls(np.zeros(3), 2.0)
@@ -60,15 +60,15 @@ class Bounds:
 
 class Canvas:
     """
-    Draws off-screen.
+    Draw pictures off-screen.
 
     :param size: width and height [px].
-    :param sun: where it stands.
-    :param sky: how clear it is.
+    :param sun: its position.
+    :param sky: its clarity.
     :param terrain: the surface of the ground.
-    :param paving: what covers it.
+    :param paving: of the ground.
     :ivar context: of OpenGL.
-    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
+    :raises RenderUnavailableError: if ModernGL or OpenGL is not installed.
     """
 
     def __init__(self, size: tuple[int, int], sun: SunSettings, sky: SkySettings,
@@ -111,10 +111,10 @@ class Canvas:
         """
         Draw a picture.
 
-        :param drawing: batches in their places.
+        :param drawing: batches with their poses.
         :param dust: in the air.
         :param view: of the camera.
-        :param bounds: of what throws shadows.
+        :param bounds: of the shadow casters.
         :returns: rows from top to bottom, (H, W, 3) uint8.
         """
         drawing.single_out(view, self._size[1])
@@ -147,12 +147,12 @@ class Canvas:
         return pixels.reshape(self._size[1], self._size[0], 3)[::-1]
 
     def close(self) -> None:
-        """Give everything back."""
+        """Free all resources."""
         self.context.gc_mode = 'context_gc'
         self.context.release()
 
     def _nearest(self, view: View, bounds: Bounds) -> float:
-        """Give a depth before all that is drawn, and before the ground below the camera [m]."""
+        """Return a depth below that of all objects, and of the ground below the camera [m]."""
         away = float(np.linalg.norm(view.eye - bounds.middle)) - bounds.radius
         above = float(view.eye[2] - self._terrain.height(view.eye[None, :2])[0])
         return max(0.05, 0.3 * min(away, above))
@@ -180,7 +180,7 @@ class Canvas:
         target, array = self._ground
         set_uniforms(target, {**common, 'grass': rgba('ground')[:3]})
         array.render()
-        self.context.polygon_offset = -1.0, -8.0  # far away it is within the depths' precision
+        self.context.polygon_offset = -1.0, -8.0  # far away it is within the precision of depths
         for texture_name, target, array in self._paving:
             set_uniforms(target, {**common, 'paving': rgba(texture_name)[:3]})
             array.render()
@@ -194,7 +194,7 @@ class Canvas:
         self.context.depth_func = '<'
 
     def _darken(self, view: View, planes: tuple[float, float], dusty: bool) -> None:
-        """Take the light from where little of the sky is seen, and lay dust over it."""
+        """Apply ambient occlusion, and blend the dust over it."""
         self.context.enable_only(self.context.NOTHING)
         self._depth.use(0)
         slope = np.tan(np.radians(view.angle) / 2.0)
@@ -216,11 +216,11 @@ class Canvas:
 
 class _DustPass:
     """
-    Gathers dust, the furthest puffs first.
+    Accumulate dust, the farthest puffs first.
 
-    Thousands of thin puffs add up, each less than a step of eight bits: they are summed as
-    floats, multiplied by their opacity, before they cover the picture. Dust has no edges of its
-    own, so that half the picture's size will do.
+    Thousands of thin puffs add up, each less than a step of eight bits: they are summed as floats,
+    premultiplied by their opacity, before they are blended over the picture. Dust has no edges, so
+    that half the picture's size is sufficient.
     """
 
     def __init__(self, context: Any, programs: Programs, haze: Any):
@@ -256,7 +256,7 @@ class _DustPass:
 
 
 def _seen_from(sun: np.ndarray, bounds: Bounds) -> np.ndarray:
-    """Give the parallel projection from the sun onto its map, (4, 4)."""
+    """Return the parallel projection from the sun to its shadow map, (4, 4)."""
     side = np.cross([0.0, 0.0, 1.0], sun) if abs(sun[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
     side /= np.linalg.norm(side)
     axes = np.stack([side, np.cross(sun, side), -sun]) / bounds.radius
@@ -276,7 +276,7 @@ def _screen_pass(context: Any, programs: Programs, fragment: str) -> tuple[Any, 
 
 
 def _ground(context: Any, programs: Programs, terrain: Terrain) -> tuple[Any, Any]:
-    """Lay the ground to the horizon."""
+    """Build the ground up to the horizon."""
     target = programs.get('ground.vert', 'ground.frag')
     points, faces = _plain() if terrain.is_flat else terrain.mesh(_RINGS[-1])
     normals = (np.tile([0.0, 0.0, 1.0], (len(points), 1)) if terrain.is_flat
@@ -285,7 +285,7 @@ def _ground(context: Any, programs: Programs, terrain: Terrain) -> tuple[Any, An
 
 
 def _paving(context: Any, programs: Programs, paving: Paving) -> tuple[Any, Any]:
-    """Lay what covers the ground."""
+    """Build the paving of the ground."""
     target = programs.get('ground.vert', 'paving.frag')
     return target, _lying(context, target, paving.points, paving.vertex_normals(), paving.faces)
 
@@ -300,7 +300,7 @@ def _lying(context: Any, target: Any, points: np.ndarray, normals: np.ndarray,
 
 
 def _plain() -> tuple[np.ndarray, np.ndarray]:
-    """Give points and triangles of flat ground, finer towards the middle."""
+    """Return points and triangles of flat ground, finer towards the middle."""
     turn = np.linspace(0.0, 2.0 * np.pi, _SPOKES + 1)
     points = np.zeros((len(_RINGS), _SPOKES + 1, 3))
     points[..., :2] = _RINGS[:, None, None] * np.stack([np.cos(turn), np.sin(turn)], axis=-1)

@@ -28,18 +28,18 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.render.joints import mortar_of, Seats, unbroken
 
-_UPRIGHT = 0.999    # cosine to the vertical of what is laid level
-_PARALLEL = 0.9999  # cosine between faces between which a joint is no wedge
-_RECESS = 0.0015    # [m] by which the mortar lies behind the faces of the bricks
+_UPRIGHT = 0.999    # cosine to the vertical of level bricks
+_PARALLEL = 0.9999  # cosine between faces with a parallel joint
+_RECESS = 0.0015    # [m] from the faces of the bricks back to the mortar
 _PRISM = [0, 1, 3, 2]  # corners of a hexahedron, in the order of an outline
 
 
 @dataclass(frozen=True)
 class Closers:
     """
-    What fills wedges, one row per solid.
+    Bricks and mortar that fill wedges, one row per solid.
 
-    :ivar first, second: parts between which it lies, (C,).
+    :ivar first, second: parts beside it, (C,).
     :ivar ends: the middle of their joint in the frames of both [m], (2, C, 3).
     :ivar corners: of the solid in the frame of the first part [m], (C, 24), as in `Hexahedra`.
     :ivar mortar: whether it is mortar, not brick, (C,) bool.
@@ -57,7 +57,7 @@ class Closers:
                        self.corners[rows], self.mortar[rows])
 
     def by_texture(self, blueprint: Blueprint) -> Iterator[tuple[str, np.ndarray]]:
-        """Split the rows by the names of what they are made of."""
+        """Group the rows by the names of their textures."""
         texture = np.where(self.mortar, -1, blueprint.texture[self.first])
         for index in np.unique(texture).tolist():
             name = mortar_of(blueprint) if index < 0 else blueprint.textures[index]
@@ -65,11 +65,11 @@ class Closers:
 
     def poses(self, poses: np.ndarray, shown: np.ndarray) -> np.ndarray:
         """
-        Give where the solids are; where parts have moved apart, they have crumbled.
+        Return the poses of the solids; they are lost where the parts have moved apart.
 
         :param poses: of the parts, world, (N, 7).
         :param shown: parts that exist, (N,) bool.
-        :returns: poses, world, (C, 7), not a number where there is nothing any more.
+        :returns: poses, world, (C, 7), NaN where the solid is lost.
         """
         whole = unbroken(poses, shown, self.first, self.second, self.ends)
         return np.where(whole[:, None], poses[self.first], np.nan)
@@ -77,11 +77,11 @@ class Closers:
 
 def closers(blueprint: Blueprint, seats: Seats, since: int = 0) -> Closers:
     """
-    Find what fills the wedges between walls.
+    Find the bricks and mortar that fill the wedges between walls.
 
     :param blueprint: parts and bonds.
-    :param seats: of the mortar of its other joints, which tell how thick it is.
-    :param since: the first bond to look at.
+    :param seats: of the mortar of its other joints, for the thickness.
+    :param since: first bond to consider.
     """
     bond, ways = _wedges(blueprint, since)
     pair = blueprint.bonds[bond]
@@ -111,7 +111,7 @@ def closers(blueprint: Blueprint, seats: Seats, since: int = 0) -> Closers:
 
 
 def _wedges(blueprint: Blueprint, since: int) -> tuple[np.ndarray, np.ndarray]:
-    """Find the joints of mortar between upright faces of boxes that are not parallel."""
+    """Find the mortar joints between upright, non-parallel faces of boxes."""
     box = blueprint.shape == Shape.BOX
     box[blueprint.hexahedra.part] = False
     upright = rotation.rotate(blueprint.poses[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]
@@ -129,9 +129,9 @@ def _wedges(blueprint: Blueprint, since: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _ways(blueprint: Blueprint, bond: np.ndarray) -> np.ndarray:
     """
-    Find the faces between which upright joints lie: the frame is amid both, and halves their turn.
+    Find the faces of upright joints: the frame is midway, and bisects their angle.
 
-    :returns: out of the face of the first part, and into that of the second, unit, (J, 2, 2).
+    :returns: outward of the face of the first part, inward of that of the second, unit, (J, 2, 2).
     """
     middles, normals = [], []
     for part in blueprint.bonds[bond].T:
@@ -153,7 +153,7 @@ def _ways(blueprint: Blueprint, bond: np.ndarray) -> np.ndarray:
 
 
 def _levels(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
-    """Give bottoms and tops of parts, and of them with what is bonded to them [m], (2, N) each."""
+    """Return bottoms and tops of parts, and of them with their neighbours [m], (2, N) each."""
     half = 0.5 * blueprint.visual_size[:, 2]
     middle = blueprint.poses[:, 2]
     low, high = (np.stack([side, side]) for side in (middle - half, middle + half))
@@ -169,8 +169,8 @@ class _Corner:
     """
     The ends of two walls in plan.
 
-    :ivar ends: left and right edge of the end of one, and of the start of the other, as one walks
-        from the one to the other [m], (2, 2, 2).
+    :ivar ends: left and right edge of the end of the first, and of the start of the second, in
+        walking direction [m], (2, 2, 2).
     :ivar ways: out of the end, and into the start, unit, (2, 2).
     """
 
@@ -190,7 +190,7 @@ class _Corner:
         return cls(np.array(ends), ways)
 
     def tips(self) -> np.ndarray:
-        """Give where the left faces meet, and the right ones, (2, 2)."""
+        """Return the intersections of the left faces, and of the right ones, (2, 2)."""
         first, second = self.ways
         turn = first[0] * second[1] - first[1] * second[0]
         gap = self.ends[1] - self.ends[0]
@@ -198,7 +198,7 @@ class _Corner:
         return self.ends[0] + reach[:, None] * first
 
     def brick(self, joint: float) -> np.ndarray:
-        """Give the outline of a brick that keeps off from the ends by a joint, (C, 2)."""
+        """Return the outline of a brick at the distance of a joint from the ends, (C, 2)."""
         tips = self.tips()
         room = np.linalg.norm(tips - self.ends, axis=2)[..., None]
         if room[:, :].max() < 2.0 * joint:
@@ -207,7 +207,7 @@ class _Corner:
         return np.concatenate([*(self.ends + share * (tips - self.ends)), tips])
 
     def mortar(self) -> np.ndarray:
-        """Give the outline of all that is between the ends, a little behind the faces, (C, 2)."""
+        """Return the outline of the space between the ends, slightly recessed, (C, 2)."""
         left = np.column_stack([-self.ways[:, 1], self.ways[:, 0]])
         inwards = np.stack([-left, left], axis=1)  # of both edges of both ends
         corner = inwards.sum(axis=0) / (1.0 + left[0] @ left[1])
@@ -215,7 +215,7 @@ class _Corner:
 
 
 def _prisms(outline: np.ndarray, low: float, high: float) -> Iterator[np.ndarray]:
-    """Build what has the convex hull of points as its outline, (8, 3) each."""
+    """Build prisms over the convex hull of points, (8, 3) each."""
     if not len(outline) or high <= low:
         return
     hull = outline[scipy.spatial.ConvexHull(outline).vertices]

@@ -39,14 +39,14 @@ from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.warning_lines import print_warning, told_to
 
 _MOST_FRAMES = 100_000
-_INTERRUPTED = 130  # exit code of what SIGINT has ended
+_INTERRUPTED = 130  # exit code after SIGINT
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param arguments: words after the command's name; the process's own when not given.
+    :param arguments: words after the command's name; default the process's own.
     :returns: exit code: 0 done, 1 it cannot be done, 2 invalid usage, 130 interrupted.
     """
     options = _parser().parse_args(arguments)
@@ -58,7 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (ProcPhysError, RenderUnavailableError) as error:
         print(f'render: {error}', file=sys.stderr)
         return 1
-    except OSError as error:  # of the file that is written; what is read says more by itself
+    except OSError as error:  # of the output file; errors of input files are clear by themselves
         print(f'render: --out: "{options.out}" cannot be written: {error.strerror or error}',
               file=sys.stderr)
         return 1
@@ -68,7 +68,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _draw(scene: Scene, options: argparse.Namespace) -> int:
-    """Draw a picture, or a film; give the exit code."""
+    """Draw a picture or a film; return the exit code."""
     camera = _camera_settings(scene, options)
     if options.out.suffix.lower() in FILMS or is_series(options.out):
         if options.time:
@@ -103,7 +103,7 @@ def _picture(scene: Scene, camera: CameraSettings, options: argparse.Namespace) 
 
 
 def _film(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> int:
-    """Draw the scene again and again; what an interruption leaves is whole."""
+    """Draw the scene repeatedly; after an interruption the file is valid."""
     from procphys_ros.render.film import check_camera, shoot, Shot
 
     if options.end is None or options.end <= options.start:
@@ -136,7 +136,7 @@ def _film(scene: Scene, camera: CameraSettings, options: argparse.Namespace) -> 
 
 @contextmanager
 def _terminable() -> Iterator[None]:
-    """Let SIGTERM end a block as Ctrl-C does."""
+    """Handle SIGTERM in a block like Ctrl-C."""
     if current_thread() is not main_thread():
         yield
         return
@@ -149,7 +149,7 @@ def _terminable() -> Iterator[None]:
 
 
 def _camera_settings(scene: Scene, options: argparse.Namespace) -> CameraSettings:
-    """Give the camera of the scene file, with what the options say instead."""
+    """Return the camera of the scene file, overridden by the options."""
     camera = replace(scene.settings.camera, **(options.camera or {}))
     return camera if options.view is None else replace(camera, position=options.view)
 
@@ -219,7 +219,7 @@ def _coordinate(text: str) -> float:
 
 
 def _camera(text: str) -> dict[str, object]:
-    """Read what is said of the camera as fields of its settings."""
+    """Read the camera option as fields of its settings."""
     how, _, part = text.partition('=')
     if text in ('fixed', 'orbit'):
         return {'motion': text}

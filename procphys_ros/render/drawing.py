@@ -35,25 +35,25 @@ from procphys_ros.render.unit_meshes import Kind
 from procphys_ros.torn_wood import WoodJoints
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
-SINGLE = 22.0  # [px] from which length on leaves are drawn one by one
-_MOST_BLADES = 80_000  # of these in a picture of each kind, the nearest: half a second on a core
+SINGLE = 22.0  # [px] of length above which leaves are drawn singly
+_MOST_BLADES = 80_000  # of these per picture and kind, the nearest: half a second on a core
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
-_PRESSED = 0.1  # thickness of a cluster of leaves that lies, over one that grows
-_CRACK_TONE = 0.12  # of a joint that has cracked, over that of a whole one
+_PRESSED = 0.1  # thickness of a lying cluster of leaves over that of a growing one
+_CRACK_TONE = 0.12  # of a cracked joint, over that of a whole one
 
 
 @dataclass(frozen=True)
 class Moment:
     """
-    What is to be drawn at one time.
+    The content of a picture at one time.
 
     :ivar blueprint: parts, bonds and leaves; those of an earlier moment come first.
-    :ivar poses: of its parts, world, (N, 7); not finite for parts that are no more.
+    :ivar poses: of its parts, world, (N, 7); not finite for missing parts.
     :ivar leaf_poses: petioles of its leaves, world, (L, 7); None = on their parts.
     :ivar exists: parts to draw, (N,) bool; None = all.
     :ivar cracked: bonds that have cracked or broken, (K,).
     :ivar dust: puffs of dust.
-    :ivar lying: leaves that have fallen and lie, (L,) bool; None = none do.
+    :ivar lying: whether each leaf has fallen and lies, (L,) bool; None = none does.
     """
 
     blueprint: Blueprint
@@ -65,12 +65,12 @@ class Moment:
     lying: np.ndarray | None = None
 
     def shown(self) -> np.ndarray:
-        """Return which parts there are, (N,) bool."""
+        """Mark the parts to be drawn, (N,) bool."""
         finite = np.isfinite(self.poses).all(axis=1)
         return finite if self.exists is None else finite & np.asarray(self.exists, bool)
 
     def petioles(self) -> np.ndarray:
-        """Give the poses of all leaves, world, (L, 7)."""
+        """Return the poses of all leaves, world, (L, 7)."""
         if self.leaf_poses is not None:
             return self.leaf_poses
         leaves = self.blueprint.leaves
@@ -79,17 +79,17 @@ class Moment:
 
 class Drawing:
     """
-    Makes batches of what a blueprint has, and moves them.
+    Create batches from a blueprint, and move them.
 
     :param context: of OpenGL.
-    :param first: the moment whose leaves shade what is among them from then on.
+    :param first: moment whose leaves shade the scene from then on.
     :param towards: unit vector to the sun, (3,).
     """
 
     def __init__(self, context: Any, first: Moment, towards: np.ndarray = light.SUN):
         self._context, self._programs = context, Programs(context)
         self._batches: dict[tuple, Batch] = {}
-        self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle behind each piece
+        self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle of each piece
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
         self._petioles: dict[tuple, np.ndarray] = {}  # of the leaves of each batch
         self._seats: list[tuple[tuple, joints.Seats]] = []
@@ -99,15 +99,15 @@ class Drawing:
         self._cracks = -1
         self._wood: WoodJoints | None = None
         self._torn: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # parts, bonds of pieces
-        self._opened: dict[int, float] = {}  # bonds that are not wide open
+        self._opened: dict[int, float] = {}  # bonds that are not fully open
 
     @property
     def batches(self) -> Iterator[Batch]:
-        """Give all batches, those that one sees through last."""
+        """Yield all batches, transparent ones last."""
         yield from sorted(self._batches.values(), key=lambda batch: batch.is_glass)
 
     def update(self, moment: Moment) -> None:
-        """Draw what is new, and move what has moved."""
+        """Draw new pieces, and move the others."""
         poses = np.where(moment.shown()[:, None], moment.poses, np.nan)
         petioles = moment.petioles()
         self._append(moment.blueprint, poses, petioles)
@@ -128,7 +128,7 @@ class Drawing:
 
     def single_out(self, view: View, height: int) -> None:
         """
-        Draw the leaves near the camera one by one, all others as clusters.
+        Draw the leaves near the camera singly, all others as clusters.
 
         :param view: of the camera.
         :param height: of the picture [px].
@@ -154,7 +154,7 @@ class Drawing:
             clusters.move(hidden)
 
     def _append(self, blueprint: Blueprint, poses: np.ndarray, petioles: np.ndarray) -> None:
-        """Make pieces of the parts, leaves, triangles and bonds that are new."""
+        """Make pieces of new parts, leaves, triangles and bonds."""
         self._append_parts(blueprint, poses)
         self._append_leaves(blueprint, poses, petioles)
         self._append_triangles(blueprint, poses)
@@ -254,10 +254,10 @@ class Drawing:
              share: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None,
              first: np.ndarray | None = None) -> None:
         """
-        Add pieces to a batch, which is made when there is none.
+        Add pieces to a batch, which is created if there is none.
 
-        :param more: what only this kind has, (K, n); None = nothing.
-        :param first: row by which each one is coloured, (K,); None = its own.
+        :param more: kind-specific data, (K, n); None = nothing.
+        :param first: row that determines the colour of each, (K,); None = its own.
         """
         if key not in self._batches:
             self._batches[key] = Batch(self._context, self._programs, kind, appearance)
@@ -268,7 +268,7 @@ class Drawing:
         self._batches[key].append(_copies(appearance, first, size, share, offset, more))
 
     def _light(self, places: np.ndarray) -> np.ndarray:
-        """Tell the shares of sun and sky light that leaves let through to places, (K, 2)."""
+        """Return the shares of sun and sky light that leaves transmit to points, (K, 2)."""
         places = np.nan_to_num(places)
         return np.column_stack([self._sun.light(places), self._skylight(places)])
 
@@ -276,13 +276,13 @@ class Drawing:
         return np.mean([shade.light(places) for shade in self._sky], axis=0)
 
     def _light_along(self, poses: np.ndarray, length: np.ndarray) -> np.ndarray:
-        """Tell the share of sky light at both ends of branches, which makes no steps, (K, 2)."""
+        """Return the shares of sky light at both ends of branches, (K, 2), for smooth shading."""
         half = rotation.rotate(poses[:, 3:], np.array([0.0, 0.0, 0.5])) * length[:, None]
         return np.column_stack([self._skylight(np.nan_to_num(poses[:, :3] + side * half))
                                 for side in (-1.0, 1.0)])
 
     def _move_torn(self, blueprint: Blueprint, poses: np.ndarray) -> None:
-        """Cover the ends of branches that have come apart, and hide those of whole ones."""
+        """Cover the ends of broken branches, and hide those of whole ones."""
         assert self._wood is not None
         apart = self._wood.apart(poses)
         known = [bonds for _, bonds in self._torn.values()]
@@ -296,7 +296,7 @@ class Drawing:
             self._batches['torn', name].move(np.where(there, frames[parts], np.nan))
 
     def _open_torn(self, apart: np.ndarray, poses: np.ndarray) -> None:
-        """Let roots and pits grow while they leave the ground, so that they do not pop up."""
+        """Enlarge roots and pits while they leave the ground, so that they do not pop up."""
         assert self._wood is not None
         for bond, now in zip(apart.tolist(), self._wood.opened(apart, poses).tolist()):
             if self._opened.get(bond, 1.0) == now:
@@ -321,7 +321,7 @@ class Drawing:
             np.zeros(count), corners))
 
     def _move_joints(self, poses: np.ndarray) -> None:
-        """Move the mortar beside parts that have moved."""
+        """Move the mortar between parts that have moved."""
         moved = np.ones(len(poses), bool)
         known = len(self._last)
         moved[:known] = (poses[:known] != self._last).any(axis=1)
@@ -338,7 +338,7 @@ class Drawing:
                 self._batches[key].move(fill.poses(poses, shown))
 
     def _mark_cracks(self, cracked: np.ndarray) -> None:
-        """Darken the mortar of joints that have cracked."""
+        """Darken the mortar of cracked joints."""
         if len(cracked) == self._cracks:
             return
         self._cracks = len(cracked)
@@ -352,7 +352,7 @@ class Drawing:
 
 
 def _balls(blueprint: Blueprint) -> np.ndarray:
-    """Find the parts that are balls, (N,) bool; blueprints have capsules as long as wide."""
+    """Mark the parts that are balls, (N,) bool: launched capsules as long as wide."""
     launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
                                         if kind == 'projectile'])
     return launched & (blueprint.shape == Shape.CAPSULE)
@@ -360,7 +360,7 @@ def _balls(blueprint: Blueprint) -> np.ndarray:
 
 def _by_texture(blueprint: Blueprint, rows: np.ndarray,
                 texture: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
-    """Split rows by the names of their textures."""
+    """Group rows by the names of their textures."""
     for index in np.unique(texture[rows]):
         name = blueprint.textures[index] if blueprint.textures else ''
         yield name, rows[texture[rows] == index]
@@ -372,7 +372,7 @@ def _copies(appearance: Look, rows: np.ndarray, size: np.ndarray, share: np.ndar
 
 
 def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
-    """Give each piece its colour, (K, 3), numbered by row, so that it keeps it for life."""
+    """Return the colour of each piece by its row, (K, 3), constant over time."""
     rng = np.random.default_rng(1)
     last = int(rows.max()) + 1
     tone = 1.0 + appearance.variation * rng.uniform(-1.0, 1.0, last)[rows, None]
@@ -382,7 +382,7 @@ def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
 
 
 def _paths(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
-    """Find the way from its plant's root to the middle of each branch [m], and the root, (N,)."""
+    """Return path lengths from the roots to the middles of branches [m], and the roots, (N,)."""
     hinged = blueprint.bonds[blueprint.bond_law == Law.HINGE]
     hinged = hinged[hinged[:, 0] != GROUND]
     length = blueprint.visual_size[:, 2]
@@ -402,7 +402,7 @@ def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 
 def _shades(moment: Moment, towards: np.ndarray) -> list[light.Shade]:
-    """Work out what the leaves let through of the light from some directions, (D, 3)."""
+    """Compute the shade of the leaves for light from some directions, (D, 3)."""
     leaves = moment.blueprint.leaves
     petioles = moment.petioles()
     there = moment.shown()[leaves.part] & np.isfinite(petioles[:, 0])

@@ -33,13 +33,13 @@ from procphys_ros.simulation.naming import PartNames
 @dataclass(frozen=True)
 class Shot:
     """
-    When pictures are taken, and from where.
+    Times, size and camera of pictures.
 
     :ivar start: of the film in simulated time [s].
     :ivar count: number of pictures.
     :ivar rate: pictures per simulated second.
     :ivar size: width and height [px].
-    :ivar camera: where it stands, and how it moves.
+    :ivar camera: position and motion.
     """
 
     start: float
@@ -49,12 +49,12 @@ class Shot:
     camera: CameraSettings
 
     def times(self) -> list[float]:
-        """Give the times of the pictures [s]."""
+        """Return the times of the pictures [s]."""
         return [self.start + number / self.rate for number in range(self.count)]
 
 
 def moment_of(simulation: Simulation) -> Moment:
-    """Take what there is to draw from a simulation."""
+    """Return the present content of a simulation for drawing."""
     bonds = np.unique(simulation.log.rows['bond'])
     fallen = simulation.state.leaves.fallen
     lying = np.zeros(len(simulation.blueprint.leaves), bool)
@@ -65,9 +65,9 @@ def moment_of(simulation: Simulation) -> Moment:
 
 def check_camera(scene: Scene, camera: CameraSettings) -> None:
     """
-    Refuse to follow what is not there.
+    Validate the part that the camera follows.
 
-    :raises CommandError: with the nearest names, when the scene has no such part.
+    :raises CommandError: with the nearest names, if the scene has no such part.
     """
     if camera.motion == 'follow':
         PartNames(scene.objects, scene.blueprint).index(camera.part)
@@ -78,12 +78,12 @@ def shoot(scene: Scene, shot: Shot, writer: Writer,
     """
     Simulate a scene from the start, and draw it at the times of a shot.
 
-    :param scene: what is simulated.
-    :param shot: when and from where.
-    :param writer: takes the pictures; it is neither finished nor discarded.
-    :param tell: called with the number of pictures that are done.
+    :param scene: to simulate.
+    :param shot: times and camera.
+    :param writer: receives the pictures; it is neither finished nor discarded.
+    :param tell: called with the number of finished pictures.
     :returns: the simulation at the time of the last picture.
-    :raises CommandError: when the camera is to follow what is not there.
+    :raises CommandError: if the camera follows a part that does not exist.
     """
     check_camera(scene, shot.camera)
     simulation = Simulation(scene)

@@ -22,16 +22,16 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law
 
 _THINNEST, _THICKEST = 0.001, 0.04  # [m] gap between two parts that mortar may fill
-_CRACK = 0.01  # [m] by which parts of a broken joint have moved against each other
+_CRACK = 0.01  # [m] displacement between the parts of a joint that breaks its mortar
 
 
 @dataclass(frozen=True)
 class Seats:
     """
-    Where mortar belongs, one row per joint that has a gap for it.
+    Mortar of joints, one row per joint with a gap for it.
 
     :ivar bond: the joint's row among the bonds, (J,).
-    :ivar first, second: parts to its sides, (J,).
+    :ivar first, second: parts on its sides, (J,).
     :ivar box: pose of the box of mortar in the frame of the first part, z across, (J, 7).
     :ivar ends: the joint's middle in the frames of both parts [m], (2, J, 3).
     :ivar size: extents of the box [m], (J, 3).
@@ -46,12 +46,12 @@ class Seats:
 
     def boxes(self, poses: np.ndarray, shown: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """
-        Give the boxes of mortar; a joint whose parts have moved apart has lost it.
+        Return the boxes of mortar; a joint whose parts have moved apart has lost it.
 
         :param poses: of the parts, world, (N, 7).
         :param shown: parts that exist, (N,) bool.
-        :param rows: which joints, (K,).
-        :returns: poses, world, (K, 7), not a number where there is no mortar any more.
+        :param rows: joints, (K,).
+        :returns: poses, world, (K, 7), NaN where the mortar is lost.
         """
         first, second = self.first[rows], self.second[rows]
         whole = unbroken(poses, shown, first, second, self.ends[:, rows])
@@ -63,11 +63,11 @@ class Seats:
 def unbroken(poses: np.ndarray, shown: np.ndarray, first: np.ndarray, second: np.ndarray,
              ends: np.ndarray) -> np.ndarray:
     """
-    Return which joints have not opened, (J,) bool.
+    Mark the joints that have not opened, (J,) bool.
 
     :param poses: of the parts, world, (N, 7).
     :param shown: parts that exist, (N,) bool.
-    :param first, second: parts to their sides, (J,).
+    :param first, second: parts on their sides, (J,).
     :param ends: their middles in the frames of both parts [m], (2, J, 3).
     """
     place = [poses[part, :3] + rotation.rotate(poses[part, 3:], end)
@@ -77,10 +77,10 @@ def unbroken(poses: np.ndarray, shown: np.ndarray, first: np.ndarray, second: np
 
 def seats(blueprint: Blueprint, since: int = 0) -> Seats:
     """
-    Find where mortar belongs.
+    Find the joints with mortar.
 
     :param blueprint: parts and bonds.
-    :param since: the first bond to look at.
+    :param since: first bond to consider.
     """
     bond = since + np.flatnonzero(
         (blueprint.bond_law[since:] == Law.MORTAR)
@@ -107,7 +107,7 @@ def mortar_of(blueprint: Blueprint) -> str:
 def standing(blueprint: Blueprint, poses: np.ndarray,
              shown: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Find where mortar stands.
+    Find the mortar that is still in place.
 
     :param blueprint: parts and bonds.
     :param poses: of the parts, world, (N, 7).
@@ -122,7 +122,7 @@ def standing(blueprint: Blueprint, poses: np.ndarray,
 
 def _reach(blueprint: Blueprint, part: np.ndarray,
            frame: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give middle and half extents of parts along the axes of the frames of bonds [m], (J, 3)."""
+    """Return middle and half extents of parts along the axes of bond frames [m], (J, 3)."""
     inner = rotation.relative(frame, blueprint.poses[part])
     half = np.zeros((len(part), 3))
     for axis in range(3):
@@ -142,10 +142,10 @@ def _reach(blueprint: Blueprint, part: np.ndarray,
 def _patch(extent: np.ndarray, gap: np.ndarray, middles: tuple,
            reaches: tuple) -> tuple[np.ndarray, np.ndarray]:
     """
-    Give the lower and upper bounds of the mortar along the patch [m], (J, 2) each.
+    Return the lower and upper bounds of the mortar along the patch [m], (J, 2) each.
 
-    Where just one of the two parts goes on, the patch ends at another joint, and the mortar meets
-    that of the neighbour in its middle; where both end, it is flush with them.
+    Where only one of the two parts continues, the patch ends at another joint, and the mortar
+    meets that of the neighbour in the middle; where both end, it is flush with them.
     """
     bounds = []
     for side in (-1.0, 1.0):

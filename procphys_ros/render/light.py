@@ -25,24 +25,24 @@ from procphys_ros.scene.scenery import SkySettings, SunSettings
 
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun
 ZENITH = np.array([0.0, 0.0, 1.0])
-# Unit vectors to parts of the sky of about the same size: above, and 30 degrees high around.
+# Unit vectors to five parts of the sky of about equal size: zenith, and 30 degrees high around.
 SKY = np.vstack([ZENITH, [[x, y, 0.5] for x, y in 0.75 ** 0.5 * np.array(
     [[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])]])
 _SUNSHINE = np.array([0.80, 0.76, 0.66])  # colour of full sun on a surface that faces it
 _SKYLIGHT = np.array([0.46, 0.50, 0.57])  # colour from the open sky above
 SKY_LOW = np.array([0.87, 0.91, 0.94])  # colour of the clear sky at the horizon
-SKY_HIGH = np.array([0.30, 0.53, 0.80])  # and above
-# Optical depth of clear air straight up at red, green and blue (Rayleigh and thin haze).
+SKY_HIGH = np.array([0.30, 0.53, 0.80])  # and at the zenith
+# Vertical optical depth of clear air at red, green and blue (Rayleigh and thin haze).
 _REDDENING = np.array([0.06, 0.12, 0.26])
 EXTINCTION = 0.24  # of light per leaf area index (Beer-Lambert); clusters are full of gaps
-_GAMMA = 2.2  # colours are display values; powers of them add up
+_GAMMA = 2.2  # colours are display values; their powers are additive
 _CELLS = 96  # cells of the shade grid along its longest side
 _SMALLEST_CELL = 0.35  # [m]
 
 
 class Shade:
     """
-    What the leaves of a scene let through of the light from one direction.
+    Light from one direction that the leaves of a scene transmit.
 
     The leaf area is gathered in cells and summed along the ray: exp(-k * leaf area index).
 
@@ -69,7 +69,7 @@ class Shade:
 
     def light(self, points: np.ndarray) -> np.ndarray:
         """
-        Tell how much light gets through to each point, 0 to 1, (V,).
+        Return the share of light transmitted to each point, 0 to 1, (V,).
 
         :param points: [m], world, (V, 3).
         """
@@ -81,14 +81,14 @@ class Shade:
 
 def crown_middles(positions: np.ndarray, links: np.ndarray, carriers: np.ndarray) -> np.ndarray:
     """
-    Give for every part the middle of the crown of its plant [m], (N, 3).
+    Return for every part the middle of the crown of its plant [m], (N, 3).
 
     Leaves are lit as if their crown were one rounded body, which shows its volume; the normals of
-    single leaves would be noise.
+    single leaves would look like noise.
 
     :param positions: of the parts [m], (N, 3).
-    :param links: pairs of parts that hold together, (M, 2).
-    :param carriers: part that carries each leaf, (L,).
+    :param links: pairs of connected parts, (M, 2).
+    :param carriers: part of each leaf, (L,).
     """
     count = len(positions)
     graph = scipy.sparse.coo_array((np.ones(len(links)), (links[:, 0], links[:, 1])),
@@ -108,8 +108,8 @@ class Daylight:
     :ivar towards: unit vector to the sun, (3,).
     :ivar sunshine: colour of full sun on a surface that faces it, (3,).
     :ivar skylight: colour from the open sky above, (3,).
-    :ivar bounce: colour of the light that the ground throws back up, (3,).
-    :ivar low, high: colour of the sky at the horizon and above, (3,).
+    :ivar bounce: colour of the light reflected by the ground, (3,).
+    :ivar low, high: colour of the sky at the horizon and at the zenith, (3,).
     """
 
     towards: np.ndarray
@@ -122,18 +122,18 @@ class Daylight:
     @classmethod
     def of(cls, sun: SunSettings, sky: SkySettings) -> 'Daylight':
         """
-        Work out the light of a day.
+        Compute the light of a day.
 
-        :param sun: where the sun stands.
-        :param sky: how many clouds there are.
+        :param sun: its position.
+        :param sky: its cloudiness.
         """
         azimuth, elevation = np.radians(sun.azimuth), np.radians(sun.elevation)
         towards = np.array([np.sin(azimuth) * np.cos(elevation),
                             np.cos(azimuth) * np.cos(elevation), np.sin(elevation)])
-        # The longer its way through the air, the redder the sun; see the comment at `_REDDENING`.
+        # The longer the path through the air, the redder the sun; see the comment at `_REDDENING`.
         air = 1.0 / max(towards[2], 0.05) - 1.0 / np.sin(np.radians(40.0))
         clear = np.exp(-_REDDENING * air)
-        covered = sky.clouds ** 3  # single clouds leave the sun; a closed cover takes it
+        covered = sky.clouds ** 3  # scattered clouds leave the sun; a closed cover removes it
         sunshine = sun.strength * (1.0 - 0.85 * covered) * clear * _SUNSHINE
         grey = 0.35 * covered
         skylight = ((1.0 - grey) * _SKYLIGHT + grey * _SKYLIGHT.mean()) * (1.0 + 0.55 * covered)

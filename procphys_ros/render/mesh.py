@@ -30,8 +30,8 @@ _SIDES = 10  # columns of faces around a branch
 _RING_HEIGHT = np.array([-1.0, -0.7071, 0.0, 0.0, 0.7071, 1.0])
 _RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
 _RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
-_BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch that one image covers
-_BRICK_TILE = 0.6  # [m] of wall that one image covers
+_BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch, covered by one image
+_BRICK_TILE = 0.6  # [m] of wall covered by one image
 QUADS = np.concatenate([4 * np.arange(6)[:, None] + [0, 1, 2],
                         4 * np.arange(6)[:, None] + [0, 2, 3]])  # six faces of four corners each
 
@@ -39,13 +39,13 @@ QUADS = np.concatenate([4 * np.arange(6)[:, None] + [0, 1, 2],
 @dataclass(frozen=True)
 class Mesh:
     """
-    Triangles with everything that shading needs, per vertex.
+    Triangles with per-vertex data for shading.
 
     :ivar points: [m], world, (V, 3).
     :ivar triangles: vertex indices, (F, 3).
     :ivar normals: unit, world, (V, 3).
     :ivar uv: image coordinates, 1 = one whole image, (V, 2).
-    :ivar piece: row of the input that each vertex came from, (V,).
+    :ivar piece: row of the input for each vertex, (V,).
     """
 
     points: np.ndarray
@@ -105,7 +105,7 @@ def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
     count = len(poses)
     local = np.asarray(corners) * size[:, None]
     uv = np.take_along_axis(local, np.broadcast_to(np.asarray(axes), (count, 24, 2)), 2)
-    shift = np.random.default_rng(0).random((count, 1, 2))  # no two bricks show the same grain
+    shift = np.random.default_rng(0).random((count, 1, 2))  # different grain on every brick
     return _place(poses, local, np.broadcast_to(np.asarray(normals), local.shape),
                   uv / _BRICK_TILE + shift, QUADS)
 
@@ -130,9 +130,9 @@ def hexahedra(poses: np.ndarray, corners: np.ndarray) -> Mesh:
 def solids(blueprint: Blueprint, poses: np.ndarray,
            parts: np.ndarray) -> Iterator[tuple[np.ndarray, Mesh]]:
     """
-    Build parts without what hangs on them: those alike together, with their indices.
+    Build parts without leaves and ornaments: those of one kind together, with their indices.
 
-    :param poses: where all parts are, world, (N, 7).
+    :param poses: of all parts, world, (N, 7).
     :param parts: ascending, (K,).
     """
     cut = blueprint.hexahedra.among(parts)
@@ -170,7 +170,7 @@ def loose_triangles(poses: np.ndarray, corners: np.ndarray) -> Mesh:
     """
     Build free triangles, one normal each.
 
-    :param poses: frames that carry them, world, (T, 7).
+    :param poses: of their carriers, world, (T, 7).
     :param corners: in those frames [m], (T, 9).
     """
     local = corners.reshape(-1, 3, 3)
@@ -183,7 +183,7 @@ def loose_triangles(poses: np.ndarray, corners: np.ndarray) -> Mesh:
 
 def _place(poses: np.ndarray, local: np.ndarray, normals: np.ndarray, uv: np.ndarray,
            faces: np.ndarray) -> Mesh:
-    """Put copies (N, V, 3) of one topology at their poses and string them together."""
+    """Transform copies (N, V, 3) of one topology to their poses and join them."""
     count, vertices = local.shape[:2]
     attitude = poses[:, None, 3:]
     starts = vertices * np.arange(count)[:, None, None]

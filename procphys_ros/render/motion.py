@@ -22,19 +22,19 @@ from procphys_ros.render import camera
 from procphys_ros.render.camera import View
 from procphys_ros.scene.scenery import CameraSettings
 
-_FOLLOWING = 9.0  # [m] from the part that is followed, when nothing else is said
-_LAG = 0.25  # [s] in which the camera takes up 63 % of a move of the part
+_FOLLOWING = 9.0  # [m] default distance from the followed part
+_LAG = 0.25  # [s] in which the camera makes 63 % of a move of the part
 
 
 class CameraMotion:
     """
-    Gives the view of a camera at any time, forwards.
+    Compute the view of a camera at any time, in increasing order.
 
-    :param settings: where it stands, and how it moves.
-    :param points: that the first picture must show when no position is given [m], (P, 3).
+    :param settings: position and motion.
+    :param points: that the first picture must show if no position is set [m], (P, 3).
     :param size: width and height of the picture [px].
-    :param part: place [m], (3,), of the part that is followed at first; None = no part is.
-    :raises SceneError: when the camera would stand where it looks.
+    :param part: initial position [m], (3,), of the followed part; None = no part is followed.
+    :raises SceneError: if position and target of the camera coincide.
     """
 
     def __init__(self, settings: CameraSettings, points: np.ndarray, size: tuple[int, int],
@@ -56,10 +56,10 @@ class CameraMotion:
 
     def view(self, time: float, part: np.ndarray | None = None) -> View:
         """
-        Give the view.
+        Return the view.
 
         :param time: since the start of the film [s].
-        :param part: place [m], (3,), of the part that is followed; where it was if not finite.
+        :param part: position [m], (3,), of the followed part; not finite = as before.
         """
         first, motion = self._first, self._settings.motion
         step, self._time = time - self._time, time

@@ -34,26 +34,26 @@ from procphys_ros.render.drawing import Drawing, Moment
 from procphys_ros.scene.scenery import SkySettings, SunSettings
 from procphys_ros.schema import short
 
-LARGEST_SIDE = 8192  # [px], what OpenGL in software still allocates
+LARGEST_SIDE = 8192  # [px] that OpenGL in software can still allocate
 _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
-_ROOM = 1.25  # by which shadows have more room than they need, so that it changes seldom
-_HANGING = 1e-6  # [m] a petiole stays this close to its place on the branch
+_ROOM = 1.25  # margin of the shadow bounds, so that they change seldom
+_HANGING = 1e-6  # [m] tolerance for a petiole on its branch
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 class Renderer:
     """
-    Draws one scene at one moment after the other; needs no display.
+    Draw one scene at successive moments; needs no display.
 
-    What there is stays where it was and is only moved.
+    Existing pieces are kept and only moved.
 
-    :param first: what is drawn first.
+    :param first: first moment.
     :param size: width and height [px].
-    :param sun: where it stands.
-    :param sky: how clear it is.
+    :param sun: its position.
+    :param sky: its clarity.
     :param terrain: the surface of the ground.
-    :param paving: what covers it.
-    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
+    :param paving: of the ground.
+    :raises RenderUnavailableError: if ModernGL or OpenGL is not installed.
     """
 
     def __init__(self, first: Moment, size: tuple[int, int] = (1280, 720),
@@ -64,26 +64,26 @@ class Renderer:
         self._bounds: Bounds | None = None
 
     def prepare(self, moment: Moment) -> None:
-        """Move everything to where it is at a moment; `draw` does it by itself."""
+        """Move all pieces to a moment; also called by `draw`."""
         self._drawing.update(moment)
 
     def draw(self, moment: Moment, view: View) -> np.ndarray:
         """
         Draw a picture.
 
-        :param moment: what there is; parts, leaves and bonds of earlier moments come first in it.
-        :param view: what the camera sees.
+        :param moment: content; parts, leaves and bonds of earlier moments come first in it.
+        :param view: of the camera.
         :returns: rows from top to bottom, (H, W, 3) uint8.
         """
         self.prepare(moment)
         return self._canvas.draw(self._drawing, moment.dust, view, self._shadowed(moment))
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self._canvas.close()
 
     def _shadowed(self, moment: Moment) -> Bounds:
-        """Give the bounds of what throws shadows, the same ones as long as it stays inside."""
+        """Return the bounds of the shadow casters, kept as long as these stay inside."""
         now = Bounds.of(moment.poses[moment.shown(), :3])
         old = self._bounds
         if old is None or now.radius + np.linalg.norm(now.middle - old.middle) > old.radius:
@@ -101,20 +101,20 @@ def draw(blueprint: Blueprint, poses: np.ndarray, path: str | Path, *,
     """
     Draw a blueprint as a picture; needs no display.
 
-    :param blueprint: what to draw.
-    :param poses: where its parts are, world, (N, 7); not finite for parts that are no more.
-    :param path: image file to write; its suffix chooses the format.
-    :param camera: position and target x y z tx ty tz [m]; the whole scene when not given.
+    :param blueprint: to draw.
+    :param poses: of its parts, world, (N, 7); not finite for missing parts.
+    :param path: image file to write; its suffix selects the format.
+    :param camera: position and target x y z tx ty tz [m]; default the whole scene.
     :param size: width and height [px].
-    :param exists: parts to draw, (N,) bool; all when not given.
-    :param leaf_poses: petioles of all leaves, world, (L, 7); on their parts when not given.
-    :param dust: puffs of dust; none when not given.
-    :param cracked: bonds that have cracked or broken, (K,), drawn dark; none when not given.
-    :param sun: where it stands.
-    :param sky: how clear it is.
+    :param exists: parts to draw, (N,) bool; default all.
+    :param leaf_poses: petioles of all leaves, world, (L, 7); default on their parts.
+    :param dust: puffs of dust; default none.
+    :param cracked: bonds that have cracked or broken, (K,), drawn dark; default none.
+    :param sun: its position.
+    :param sky: its clarity.
     :param terrain: the surface of the ground.
-    :raises RenderUnavailableError: when ModernGL or OpenGL is not installed.
-    :raises SceneError: when something does not fit the blueprint, or the file cannot be written.
+    :raises RenderUnavailableError: if ModernGL or OpenGL is not installed.
+    :raises SceneError: if an argument does not match the blueprint, or the file cannot be written.
     """
     from PIL import Image
 
@@ -166,9 +166,9 @@ def _check_file(path: Path, known: Mapping[str, str]) -> None:
 
 def scene_points(moment: Moment) -> np.ndarray:
     """
-    Give points [m] that a picture of the whole scene must show, (P, 3).
+    Return points [m] that a picture of the whole scene must show, (P, 3).
 
-    They are the ends of all parts and the leaves that hang on them.
+    They are the ends of all parts and their attached leaves.
     """
     shown = moment.shown()
     blueprint, poses = moment.blueprint, moment.poses[shown]

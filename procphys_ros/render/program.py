@@ -21,12 +21,12 @@ from typing import Any
 
 _FOLDER = Path(__file__).with_name('shaders')
 _LIT = ('instance.vert', 'surface.frag', 'ground.frag', 'paving.frag', 'sky.frag',
-        'dust.frag')  # know the sky
+        'dust.frag')  # use the sky
 
 
 class Programs:
     """
-    Compiles shaders, each pair once.
+    Compile shaders, each pair once.
 
     :param context: of OpenGL.
     """
@@ -37,10 +37,10 @@ class Programs:
 
     def get(self, vertex: str, fragment: str, *names: str) -> Any:
         """
-        Give the program of a vertex and a fragment shader, a `moderngl.Program`.
+        Return the program of a vertex and a fragment shader, a `moderngl.Program`.
 
         :param vertex, fragment: names of files.
-        :param names: what is defined in both, such as 'KIND_BOX'.
+        :param names: defined in both, such as 'KIND_BOX'.
         """
         key = vertex, fragment, *names
         if key not in self._compiled:
@@ -53,7 +53,7 @@ class Programs:
 
 
 def set_uniforms(target: Any, values: dict[str, Any]) -> None:
-    """Set those uniforms of a program that it has."""
+    """Set the uniforms that a program has."""
     for name, value in values.items():
         if name in target:
             target[name].value = value

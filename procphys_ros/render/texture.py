@@ -60,7 +60,7 @@ def image(pattern: str) -> np.ndarray | None:
 
 @cache
 def noise_image() -> np.ndarray:
-    """Compute four independent channels of noise in octaves that repeat, (P, P, 4) uint8."""
+    """Compute four independent channels of periodic noise in octaves, (P, P, 4) uint8."""
     rng = np.random.default_rng(11)
     channels = []
     for _ in range(4):
@@ -69,7 +69,7 @@ def noise_image() -> np.ndarray:
 
 
 def _octaves(rng: np.random.Generator, share: float) -> np.ndarray:
-    """Draw noise of all sizes, zero mean and unit deviation, (P, P), each octave weaker."""
+    """Draw multi-scale noise, zero mean and unit deviation, (P, P), each octave weaker."""
     octaves = np.zeros((_PIXELS, _PIXELS))
     for i in range(6):
         octaves += share ** i * _noise(rng, 4 * 2 ** i, 4 * 2 ** i)
@@ -77,7 +77,7 @@ def _octaves(rng: np.random.Generator, share: float) -> np.ndarray:
 
 
 def mean_light(pattern: str) -> float:
-    """Give the mean brightness of the image where it is opaque, 0 to 1."""
+    """Return the mean brightness of the image where it is opaque, 0 to 1."""
     pixels = image(pattern)
     if pixels is None:
         return 1.0
@@ -86,7 +86,7 @@ def mean_light(pattern: str) -> float:
 
 
 def _noise(rng: np.random.Generator, rows: int, columns: int) -> np.ndarray:
-    """Draw noise of zero mean and unit deviation that repeats, (P, P), by cells per side."""
+    """Draw periodic noise of zero mean and unit deviation, (P, P), by cells per side."""
     spectrum = np.fft.fft2(rng.standard_normal((_PIXELS, _PIXELS)))
     frequency = np.fft.fftfreq(_PIXELS) * _PIXELS
     falloff = np.exp(-((frequency[:, None] / rows) ** 2 + (frequency / columns) ** 2))
@@ -109,7 +109,7 @@ def _surface(pattern: str, rng: np.random.Generator) -> np.ndarray:
         dashes = np.clip(_noise(rng, 40, 7) - 1.7, 0, 1)
         scars = np.clip(2.0 * (_noise(rng, 9, 4) - 1.9), 0, 1)
         return 0.97 - 0.65 * dashes - 0.75 * scars + fine
-    # Stone, brick and concrete: noise of one size would look woven. Pores are dark and few.
+    # Stone, brick and concrete: noise of one scale would look woven. Pores are dark and few.
     return 0.90 + 0.07 * _octaves(rng, 0.85) - 0.25 * np.clip(_noise(rng, 60, 60) - 2.0, 0, 1)
 
 
@@ -119,7 +119,7 @@ def _cluster(shape: tuple, rng: np.random.Generator) -> tuple[np.ndarray, np.nda
     light, alpha = np.full((_PIXELS, _PIXELS), 0.7), np.zeros((_PIXELS, _PIXELS))
     _blade(light, alpha, (0.5, 0.0), 0.0, high, 0.018, 0.45)
     root = low + (high - low) * np.sort(rng.random(count))[::-1]
-    for i, y in enumerate(root):  # lower blades last: they lie over those further up
+    for i, y in enumerate(root):  # lower blades last: they overlap those farther up
         side = 1.0 if i % 2 else -1.0
         bend = outer + (inner - outer) * (y - low) / (high - low)
         angle = side * np.radians(bend + 12.0 * rng.standard_normal())
@@ -163,7 +163,7 @@ def _fruit() -> tuple[np.ndarray, np.ndarray]:
 def _blade(light: np.ndarray, alpha: np.ndarray, start: tuple[float, float], angle: float,
            length: float, width: float, brightness: float) -> None:
     """
-    Paint one pointed leaf over what is there.
+    Paint one pointed leaf over the image.
 
     :param start: petiole, x and y over the image side, y up.
     :param angle: from the upward direction towards +x [rad].

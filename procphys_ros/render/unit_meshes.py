@@ -26,8 +26,8 @@ from procphys_ros.render import mesh, texture
 _SIDES = 10  # columns of faces around a branch
 _RINGS = np.array([[0, -1.0, 0.0], [0, -0.7071, 0.7071], [0, 0.0, 1.0],
                    [1, 0.0, 1.0], [1, 0.7071, 0.7071], [1, 1.0, 0.0]])  # as in `mesh.branches`
-# Corners of a leaf: place along it, side of its midrib, half width there, brightness. Its outline
-# is that of the images, sin(pi t^0.8).
+# Corners of a leaf: position along it, side of its midrib, half width there, brightness. Its
+# outline is that of the images, sin(pi t^0.8).
 _BLADE = np.array([[0.0, 0, 0.0, 0.9], [0.35, -1, 0.98, 0.78], [0.35, 0, 0.0, 1.0],
                    [0.35, 1, 0.98, 0.78], [0.7, -1, 0.70, 0.78], [0.7, 0, 0.0, 1.0],
                    [0.7, 1, 0.70, 0.78], [1.0, 0, 0.0, 0.85]])
@@ -38,27 +38,27 @@ _BALL = (32, 16)  # columns and rows of a ball
 
 
 class Kind(Enum):
-    """What a piece is; the value names it in the shaders."""
+    """The kind of a piece; the value is its name in the shaders."""
 
     BOX = 'KIND_BOX'
     HEXAHEDRON = 'KIND_HEXAHEDRON'
-    JOINT = 'KIND_JOINT'  # a box without the two faces across z, which nobody sees
+    JOINT = 'KIND_JOINT'  # a box without the two faces across z, which are never visible
     BRANCH = 'KIND_BRANCH'
     BALL = 'KIND_BALL'
     LEAF = 'KIND_LEAF'    # a cluster of leaves: two crossed images
-    SPRAY = 'KIND_SPRAY'  # the same, each leaf by itself
+    SPRAY = 'KIND_SPRAY'  # the same, leaf by leaf
     TRIANGLE = 'KIND_TRIANGLE'
 
 
 @cache
 def unit_mesh(kind: Kind, pattern: str = '') -> '_Mesh':
     """
-    Give the mesh of a kind.
+    Return the mesh of a kind.
 
     :param kind: of piece.
     :param pattern: of sprays, one of `texture.CLUSTERS`.
-    :returns: vertices (V, C) float32, their layout and the names of its fields as ModernGL takes
-        them, and triangles (F, 3) uint32.
+    :returns: vertices (V, C) float32, their layout and the names of its fields for ModernGL, and
+        triangles (F, 3) uint32.
     """
     makers = {Kind.BOX: _box, Kind.HEXAHEDRON: _hexahedron, Kind.JOINT: _joint,
               Kind.BRANCH: _branch, Kind.BALL: _ball, Kind.LEAF: _leaf,
@@ -77,7 +77,7 @@ def _box() -> _Mesh:
 
 
 def _hexahedron() -> _Mesh:
-    """Give the numbers of the corners of each face, and which of them each vertex is."""
+    """Return the corner numbers of each face, and the corner of each vertex."""
     vertices = np.column_stack([np.repeat(FACES, 4, axis=0), np.tile(np.arange(4), len(FACES))])
     return vertices, '4f 1f', ('in_face', 'in_own'), mesh.QUADS
 
@@ -110,9 +110,9 @@ def _leaf() -> _Mesh:
 
 def _spray(pattern: str) -> _Mesh:
     """
-    Spread the leaves of a cluster's image around its twig, each folded along its midrib.
+    Distribute the leaves of a cluster's image around its twig, each folded along its midrib.
 
-    In the place of image coordinates vertices have a brightness.
+    Vertices have a brightness instead of image coordinates.
     """
     count, (low, high), spread, length, width, (inner, outer) = texture.CLUSTERS[pattern]
     rng = np.random.default_rng(7)

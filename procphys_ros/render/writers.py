@@ -39,33 +39,33 @@ _NUMBERED = re.compile(r'(?:[^%]|%%)*%0?[1-9]?d(?:[^%]|%%)*\Z')  # a longer numb
 
 
 class Writer(Protocol):
-    """Takes pictures one after the other."""
+    """Receives pictures one after the other."""
 
     @property
     def count(self) -> int:
-        """Return how many pictures it has taken."""
+        """Return the number of pictures added."""
 
     def add(self, pixels: np.ndarray) -> None:
-        """Take a picture, (H, W, 3) uint8."""
+        """Add a picture, (H, W, 3) uint8."""
 
     def finish(self) -> None:
-        """Put the file in its place."""
+        """Complete the file and move it to its path."""
 
     def discard(self) -> None:
-        """Leave no file that is not whole."""
+        """Remove incomplete files."""
 
 
 def is_series(path: Path) -> bool:
-    """Return whether a path names many files, as frames/%04d.png does."""
+    """Return whether a path is a pattern for many files, such as frames/%04d.png."""
     return '%' in path.name
 
 
 def check_output(path: Path) -> None:
     """
-    Refuse, before minutes of simulation, what could not be written.
+    Validate the output path, before minutes of simulation.
 
-    :raises SceneError: naming the option and what is allowed.
-    :raises RenderUnavailableError: when the encoder of the format is not installed.
+    :raises SceneError: with the option and the allowed values.
+    :raises RenderUnavailableError: if the encoder of the format is not installed.
     """
     suffix = path.suffix.lower()
     if suffix not in (*PICTURES, *FILMS):
@@ -84,12 +84,12 @@ def check_output(path: Path) -> None:
 
 def open_writer(path: Path, size: tuple[int, int], rate: float) -> Writer:
     """
-    Choose the writer for a path.
+    Select the writer for a path.
 
-    :param path: its suffix says what it is.
+    :param path: its suffix selects the format.
     :param size: width and height [px].
     :param rate: pictures per second.
-    :raises SceneError: when the format does not take this size or rate.
+    :raises SceneError: if the format does not support this size or rate.
     """
     suffix = path.suffix.lower()
     if suffix == '.mp4':
@@ -119,7 +119,7 @@ class _Pictures:
 
 
 class _Gif:
-    """A loop; its colours are those of the picture in its middle."""
+    """A loop with the colours of its middle picture."""
 
     def __init__(self, path: Path, rate: float):
         if rate > _GIF_RATE:
@@ -129,7 +129,7 @@ class _Gif:
 
     @property
     def count(self) -> int:
-        """Return how many pictures it has taken."""
+        """Return the number of pictures added."""
         return len(self._frames)
 
     def add(self, pixels: np.ndarray) -> None:
@@ -150,7 +150,7 @@ class _Gif:
 
 
 class _Mp4:
-    """A film in H.264, which browsers and players show."""
+    """A film in H.264, which browsers and players support."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate: float):
         if size[0] % 2 or size[1] % 2:
@@ -180,7 +180,7 @@ class _Mp4:
             raise
 
     def discard(self) -> None:
-        with suppress(Exception):  # it is thrown away
+        with suppress(Exception):  # it is discarded
             self._container.close()
         self._part.unlink(missing_ok=True)
 

@@ -26,13 +26,13 @@ from procphys_ros.view import shapes
 from procphys_ros.view.near_leaves import NearLeaves
 from procphys_ros.view.source import Content, Frame
 
-MOST_BOXES = 512    # copies in a batch: one brick that moves is sent with its whole batch
-_MOST_OTHERS = 8192  # the same for branches and leaves, which move all at once or not at all
-VISIBLE = 5e-4       # [m] and [-]: moves of parts below this are not sent
-_VISIBLE_LEAF = 4e-3  # the same for leaves, which nobody looks at one by one
-_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts go that are no more
+MOST_BOXES = 512    # copies in a batch: one moving brick is sent with its whole batch
+_MOST_OTHERS = 8192  # the same for branches and leaves, which move all together or not at all
+VISIBLE = 5e-4       # [m] and [-]: smaller moves of parts are not sent
+_VISIBLE_LEAF = 4e-3  # the same for leaves, which are not seen singly
+_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts that are gone are put
 # Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
-# places in `shapes.TAPERS`.
+# indices into `shapes.TAPERS`.
 _BOX, _BALL, _FIRST_SOLID = -1, -2, -3
 _NOBODY = np.zeros((0, 3))
 _DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alike
@@ -41,9 +41,9 @@ _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, 
 
 class Group:
     """
-    Copies of many meshes whose poses come in one array.
+    Copies of many meshes with their poses in one array.
 
-    :param scene: `ViserServer.scene` or what takes its place.
+    :param scene: `ViserServer.scene` or a substitute.
     :param name: of the group on the page.
     :param unit: length of the page [1/m].
     :param visible: smallest move that is sent [m], [-].
@@ -54,7 +54,7 @@ class Group:
         self._scale = np.array([unit] * 3 + [1.0] * 4, np.float32)
         self._limit = visible * self._scale
         self._handles: list[Any] = []
-        self._rows = np.zeros(0, np.intp)  # part or leaf behind each copy, batch after batch
+        self._rows = np.zeros(0, np.intp)  # part or leaf of each copy, batch after batch
         self._starts = np.zeros(0, np.intp)  # of the batches
         self._sent = np.zeros((0, 7), np.float32)
 
@@ -73,10 +73,10 @@ class Group:
 
     def send(self, poses: np.ndarray, places: np.ndarray | None = None) -> int:
         """
-        Send the batches of which anything has moved; give their number.
+        Send the batches with moved copies; return their number.
 
         :param poses: world, (N, 7).
-        :param places: of the copies that can have moved, (K,); None = all.
+        :param places: of copies that may have moved, (K,); None = all.
         """
         if places is None:
             places = np.arange(len(self))
@@ -93,7 +93,7 @@ class Group:
         return len(chosen)
 
     def close(self) -> None:
-        """Take everything off the page."""
+        """Remove all batches from the page."""
         for handle in self._handles:
             handle.remove()
 
@@ -103,9 +103,9 @@ class Group:
 
 class Batches:
     """
-    Draws the parts and leaves of one scene and remembers what it has sent.
+    Draw the parts and leaves of one scene, and remember the sent state.
 
-    :param scene: `ViserServer.scene` or what takes its place.
+    :param scene: `ViserServer.scene` or a substitute.
     :param unit: length of the page [1/m].
     :ivar sent: number of batches sent by the last `update`.
     """
@@ -118,10 +118,10 @@ class Batches:
 
     def update(self, frame: Frame, eyes: np.ndarray = _NOBODY) -> None:
         """
-        Draw what is new, and send what has moved.
+        Draw new copies, and send moved ones.
 
-        :param frame: the moment.
-        :param eyes: from where people look, world [m], (K, 3).
+        :param frame: to draw.
+        :param eyes: positions of the cameras, world [m], (K, 3).
         """
         poses, leaves = present(frame.poses), present(frame.leaf_poses)
         single = self._near.update(frame.content, leaves, eyes)
@@ -139,20 +139,20 @@ class Batches:
         self.sent = self._parts.send(poses) + self._leaves.send(leaves)
 
     def close(self) -> None:
-        """Take everything off the page."""
+        """Remove all batches from the page."""
         self._parts.close()
         self._leaves.close()
         self._near.close()
 
 
 def present(poses: np.ndarray) -> np.ndarray:
-    """Put away what is gone."""
+    """Replace the poses of parts that are gone by one out of sight."""
     gone = ~np.isfinite(poses[:, 0])
     return np.where(gone[:, None], _AWAY, poses) if gone.any() else poses
 
 
 def _scales(content: Content, rows: np.ndarray) -> np.ndarray:
-    """Give the factors along the axes of the unit meshes of parts, (K, 3)."""
+    """Return the scales of parts along the axes of their unit meshes, (K, 3)."""
     scales = content.size[rows].copy()
     branch = (content.shape[rows] == Shape.CAPSULE) & ~content.ball[rows]
     scales[branch, 1] = scales[branch, 0]
@@ -161,7 +161,7 @@ def _scales(content: Content, rows: np.ndarray) -> np.ndarray:
 
 
 def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
-    """Split parts by what they look like; give rows and mesh."""
+    """Group parts by their appearance; yield rows and mesh."""
     capsule = content.shape[rows] == Shape.CAPSULE
     taper = content.size[rows, 1] / np.maximum(content.size[rows, 0], 1e-9)
     kind = np.where(capsule, np.abs(taper[:, None] - shapes.TAPERS).argmin(axis=1), _BOX)
@@ -186,7 +186,7 @@ def _leaf_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
 
 def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray,
             first: np.ndarray) -> Iterator[tuple[np.ndarray, str, int, int]]:
-    """Give rows of one texture, tone (chosen by `first`) and kind, not too many at a time."""
+    """Yield rows of one texture, tone (chosen by `first`) and kind, in groups of limited size."""
     names = content.textures or ['']
     tones = np.array([shapes.tones(name) for name in names])[texture]
     keys = np.column_stack([texture, shapes.tone_of(first, tones), kind])

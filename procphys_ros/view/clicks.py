@@ -28,12 +28,12 @@ from procphys_ros.view.picking import GROUND, Hit
 from procphys_ros.view.source import Content
 from procphys_ros.view.surroundings import Vicinity
 
-_RUN_UP = 6.0  # [m] before its target that a ball starts, unless the eye is closer
-_CLEARANCE = 0.01  # [m] between a ball that starts and the ground
+_RUN_UP = 6.0  # [m] from the start of a ball to its target, unless the eye is closer
+_CLEARANCE = 0.01  # [m] between a starting ball and the ground
 
 
 class Tool(StrEnum):
-    """What a click does."""
+    """The tool that a click applies."""
 
     LOOK = 'look'
     PUSH = 'push'
@@ -45,9 +45,9 @@ class Tool(StrEnum):
 @dataclass(frozen=True)
 class Strength:
     """
-    How strong tools are.
+    Strengths of the tools.
 
-    :ivar push: speed whose momentum a part gets by a push or a pull [m/s].
+    :ivar push: velocity change of a part by a push or a pull [m/s].
     :ivar ball_mass: [kg].
     :ivar ball_size: diameter [m].
     :ivar ball_speed: [m/s].
@@ -62,7 +62,7 @@ class Strength:
 
 
 def effect(tool: Tool, strength: Strength) -> str:
-    """Describe what a click will do."""
+    """Describe the effect of a click."""
     momentum = strength.ball_mass * strength.ball_speed
     energy = 0.5e-3 * momentum * strength.ball_speed
     return {
@@ -76,15 +76,15 @@ def effect(tool: Tool, strength: Strength) -> str:
 def command_of(tool: Tool, hit: Hit, content: Content, direction: np.ndarray, strength: Strength,
                vicinity: Vicinity) -> Any:
     """
-    Turn a click into a command; None = a look.
+    Convert a click to a command; None = only show the part.
 
-    :param tool: in hand.
-    :param hit: what was clicked.
-    :param content: what there is.
+    :param tool: selected tool.
+    :param hit: clicked part or ground.
+    :param content: of the scene.
     :param direction: of sight, unit, world, (3,).
-    :param strength: how strong.
-    :param vicinity: where tools act on the ground.
-    :raises CommandError: when the tool has no effect there.
+    :param strength: of the tools.
+    :param vicinity: range of the tools on the ground.
+    :raises CommandError: if the tool has no effect there.
     """
     if tool is Tool.LOOK:
         return None
@@ -105,7 +105,7 @@ def command_of(tool: Tool, hit: Hit, content: Content, direction: np.ndarray, st
 
 
 def mark_of(command: Any) -> tuple[str, np.ndarray]:
-    """Describe a command in a few words, and give the way it acts, world, (3,); 0 = all ways."""
+    """Label a command, and return its direction, world, (3,); 0 = all directions."""
     if isinstance(command, Explosion):
         return f'{command.charge:g} kg TNT', np.zeros(3)
     if isinstance(command, Projectile):
@@ -120,7 +120,7 @@ def _ground(content: Content, point: np.ndarray) -> float:
 
 
 def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength) -> Projectile:
-    """Throw a ball along the line of sight, so that it hits what was clicked."""
+    """Launch a ball along the line of sight, such that it hits the clicked point."""
     start = hit.point - direction * min(_RUN_UP, hit.distance)
     start[2] = max(start[2], _ground(content, start) + 0.5 * strength.ball_size + _CLEARANCE)
     aim = hit.point - start
@@ -130,7 +130,7 @@ def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength)
 
 
 def describe(hit: Hit, content: Content) -> str:
-    """Describe in few lines what was clicked."""
+    """Describe the clicked part or ground in few lines."""
     if hit.part == GROUND:
         return f'**ground** at {hit.point[0]:.1f}, {hit.point[1]:.1f} m'
     return (f'**{content.name(hit.part)}**  \n{content.material(hit.part)}, '
@@ -138,5 +138,5 @@ def describe(hit: Hit, content: Content) -> str:
 
 
 def title(hit: Hit, content: Content) -> str:
-    """Name what was clicked."""
+    """Return the name of the clicked part or ground."""
     return 'ground' if hit.part == GROUND else content.name(hit.part)

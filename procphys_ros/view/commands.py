@@ -26,7 +26,7 @@ from procphys_ros.simulation.commands import Impulse
 
 @dataclass(frozen=True)
 class SetPause:
-    """Stop time, or let it run again."""
+    """Pause or resume the simulation."""
 
     paused: bool
 
@@ -38,17 +38,17 @@ class Step:
 
 @dataclass(frozen=True)
 class Reset:
-    """Put everything back to rest and whole."""
+    """Reset everything to rest and undamaged."""
 
 
 @dataclass(frozen=True)
 class Undo:
-    """Go back to the moment before the last click, gust or reset."""
+    """Restore the state before the last click, gust or reset."""
 
 
 @dataclass(frozen=True)
 class SetSpeed:
-    """Ask for a real-time factor; 0 = as fast as possible."""
+    """Set the real-time factor; 0 = as fast as possible."""
 
     factor: float
 
@@ -62,24 +62,24 @@ class StartGust:
 
 @dataclass(frozen=True)
 class Inspect:
-    """Answer what the part of this index carries."""
+    """Answer the load of the part of this index."""
 
     part: int
 
 
 @dataclass(frozen=True)
 class LoadScene:
-    """Put the scene of a file in place of the present one."""
+    """Replace the present scene by that of a file."""
 
     path: Path
 
 
-CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion)  # what is done to what a page shows
-UNDONE = (Impulse, Projectile, Explosion, StartGust, Reset)  # what `Undo` takes back
+CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion)  # actions on the scene that a page shows
+UNDONE = (Impulse, Projectile, Explosion, StartGust, Reset)  # actions that `Undo` reverts
 
 
 def drop_clicks(waiting: Queue[Any]) -> None:
-    """Take clicks out of what waits: they were meant for the scene that was shown then."""
+    """Remove clicks from waiting commands: they were meant for the scene shown before."""
     others = []
     try:
         while True:

@@ -27,18 +27,18 @@ from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, Sta
 from procphys_ros.view.source import Status
 
 _USUAL_FACTOR = 4.0  # largest real-time factor of the slider, unless the source has a larger one
-_FASTEST = (1.0 - 1e-12) * FASTEST  # [m/s] that no rounding makes more than is allowed
+_FASTEST = (1.0 - 1e-12) * FASTEST  # [m/s] below the limit in spite of rounding
 _STEP, _RESET, _UNDO, _GUST = 'step', 'reset', 'undo', 'gust'
 
 
 class Controls:
     """
-    Builds the panel, turns what is done there into commands, and shows how the source is.
+    Build the panel, convert its events to commands, and show the status of the source.
 
     :param gui: `ViserServer.gui`.
-    :param say: takes commands.
+    :param say: called with commands.
     :param scenes: files that may be loaded, by name; none = no choice of scenes.
-    :param can_undo: whether there is a button for it.
+    :param can_undo: whether there is an undo button.
     """
 
     def __init__(self, gui: Any, say: Callable[[Any], None], scenes: Mapping[str, Path],
@@ -55,12 +55,12 @@ class Controls:
 
     @property
     def strength(self) -> Strength:
-        """Return how strong the tools are."""
+        """Return the strengths of the tools."""
         return Strength(self.push.value, self.ball_mass.value, self.ball_size.value,
                         self.ball_speed.value, self.charge.value)
 
     def show(self, status: Status, answer: str) -> None:
-        """Show how the source is; what others have changed moves the sliders."""
+        """Show the status of the source; changes by others move the sliders."""
         text = status.text if status.alive else f'**{status.text or "no answer"}**'
         text = f'**{status.scene}**  \n{text}' if status.scene else text
         text += f'  \n{answer}' if answer else ''
@@ -86,7 +86,7 @@ class Controls:
             self.scene.value = status.scene
 
     def show_selected(self, text: str) -> None:
-        """Show what was clicked."""
+        """Show the description of the clicked part."""
         self.selected.content = text
 
     def _add_tools(self, gui: Any) -> None:
@@ -108,7 +108,7 @@ class Controls:
         self._show_tool()
 
     def _show_tool(self) -> None:
-        """Show the sliders of the tool in hand, and what a click will do."""
+        """Show the sliders of the selected tool, and the effect of a click."""
         tool = Tool(self.tool.value)
         for slider, tools in self._users:
             slider.visible = tool in tools
@@ -149,12 +149,12 @@ class Controls:
         _on_user(self.load.on_click, self._load)
 
     def _load(self) -> None:
-        if self.scene.value in self._scenes:  # what runs may be none of them
+        if self.scene.value in self._scenes:  # the running scene may not be in the list
             self._say(LoadScene(self._scenes[self.scene.value]))
 
 
 def _on_user(register: Callable, act: Callable[[], None]) -> None:
-    """Act when somebody at a page has done something, not when the value was set from here."""
+    """Call a function after input at a page, but not after changes from the program."""
     def react(event: Any) -> None:
         if event.client is not None:
             act()

@@ -23,20 +23,20 @@ from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.view.source import Frame
 
 _MOST = 4000  # cracks drawn at once; of more, the newest
-_WIDEST = 0.04  # [m] gap beyond which parts have come apart, and the gap itself is seen
-_LAP = 0.003  # [m] by which a crack stands out of the joint that it marks
+_WIDEST = 0.04  # [m] gap beyond which parts are separate, and the gap itself is visible
+_LAP = 0.003  # [m] by which a crack protrudes from its joint
 _COLOUR = (25, 22, 20)
-_PERIOD = 10  # frames between looks: cracks are many, and appear seldom
+_PERIOD = 10  # frames between updates: cracks are many, and appear seldom
 
 
 def seams(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     """
-    Find the joints between boxes that have cracked.
+    Find the cracked joints between boxes.
 
-    A joint lies where the two boxes face each other; its plane is across the axis of the first
-    along which they are furthest apart.
+    A joint is where the two boxes face each other; its plane is normal to the axis of the first
+    along which they are farthest apart.
 
-    :param frame: with the parts of all bonds that have broken.
+    :param frame: with the parts of all broken bonds.
     :returns: poses of the seams, world, (K, 7), and their extents [m], (K, 3).
     """
     pairs = frame.broken[(frame.broken != GROUND).all(axis=1)
@@ -54,7 +54,7 @@ def seams(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
     near = np.flatnonzero(apart.max(axis=1) < _WIDEST)[-_MOST:]
     low = np.maximum(-half, inner[:, :3] - other)
     high = np.minimum(half, inner[:, :3] + other)
-    # Along the normal the boxes do not overlap: there the seam reaches from one to the other.
+    # Along the normal the boxes do not overlap: there the seam fills the gap.
     low, high = np.minimum(low, high)[near], np.maximum(low, high)[near]
     size = high - low + 2.0 * _LAP
     poses = first[near].copy()
@@ -66,7 +66,7 @@ def seams(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
 class Cracks:
     """
-    Draws cracks, a fixed number of copies of a cube; sends nothing while none has changed.
+    Draw cracks as a fixed number of copies of a cube; send only changes.
 
     :param scene: `ViserServer.scene`.
     :param unit: length of the page [1/m].
@@ -78,7 +78,7 @@ class Cracks:
         self._turn = 0
 
     def update(self, frame: Frame) -> None:
-        """Draw the cracks that there are now."""
+        """Draw the present cracks."""
         self._turn += 1
         if not len(frame.broken) and self._handle is None or self._turn % _PERIOD != 1:
             return
@@ -95,7 +95,7 @@ class Cracks:
         self._handle.batched_scales = scales
 
     def close(self) -> None:
-        """Take them off the page."""
+        """Remove the cracks from the page."""
         if self._handle is not None:
             self._handle.remove()
 

@@ -23,12 +23,12 @@ from procphys_ros.palette import rgba
 from procphys_ros.view.source import Frame
 
 _MOST = 1500  # puffs drawn at once; of more, evenly chosen ones
-_FAINTEST = 0.01  # opacity that nobody sees
+_FAINTEST = 0.01  # smallest visible opacity
 
 
 class DustCloud:
     """
-    Draws puffs; sends nothing while there are none.
+    Draw puffs; send nothing while there are none.
 
     :param scene: `ViserServer.scene`.
     :param unit: length of the page [1/m].
@@ -40,7 +40,7 @@ class DustCloud:
         self._drawn = np.zeros((0, 3))
 
     def update(self, frame: Frame) -> None:
-        """Draw the puffs that there are now."""
+        """Draw the present puffs."""
         puffs = frame.dust
         seen = np.flatnonzero(puffs.opacity > _FAINTEST)
         seen = seen[::-(-len(seen) // _MOST) or 1]
@@ -59,7 +59,7 @@ class DustCloud:
         self._handle.batched_opacities = opacity
 
     def close(self) -> None:
-        """Take it off the page."""
+        """Remove the dust from the page."""
         if self._handle is not None:
             self._handle.remove()
 

@@ -33,13 +33,13 @@ _patching = Lock()
 
 class Guard:
     """
-    Lets in who has the page's address, which holds a secret; no page of another site has it.
+    Admit requests for the page's address, which holds a secret that other sites do not know.
 
     :param host: address that the page is served on.
-    :param names: under which browsers may ask for it, besides that address and localhost.
-    :ivar name: of the machine, in addresses.
+    :param names: other host names of the page, besides that address and localhost.
+    :ivar name: of the host, in addresses.
     :ivar token: the secret, new in each run.
-    :ivar watches: whether a server asks it.
+    :ivar watches: whether a server uses it.
     """
 
     def __init__(self, host: str, names: Iterable[str] = ()):
@@ -49,15 +49,15 @@ class Guard:
         self._names = {name.lower() for name in ('localhost', self.name, *names)}
 
     def address(self, port: int) -> str:
-        """Return where the page is, at a TCP port."""
+        """Return the address of the page at a TCP port."""
         name = f'[{self.name}]' if ':' in self.name else self.name
         return f'http://{name}:{port}/{self.token}'
 
     def refusal(self, path: str, hosts: Iterable[str], origins: Iterable[str]) -> str:
         """
-        Say why a request is refused; '' = it is not.
+        Return why a request is refused; '' = it is not.
 
-        :param path: that is asked for.
+        :param path: requested path.
         :param hosts: values of the header Host.
         :param origins: values of the header Origin; programs other than browsers send none.
         """
@@ -72,8 +72,8 @@ class Guard:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch the server that is started meanwhile; viser itself lets everybody in."""
-        import websockets.asyncio.server as library  # viser brings it
+        """Guard the server started in this context; viser itself admits everybody."""
+        import websockets.asyncio.server as library  # installed with viser
 
         def serve(*given: Any, process_request: Callable[[Any, Any], Any], **options: Any) -> Any:
             self.watches = True
@@ -97,7 +97,7 @@ class Guard:
         return process_request
 
     def _is_known(self, host: str) -> bool:
-        """Return whether no other site can be behind a name; nobody else controls an address."""
+        """Return whether a host name is known, or an address, which no other site controls."""
         try:
             name = urlsplit(f'//{host}').hostname or ''
             if name not in self._names:
@@ -108,6 +108,6 @@ class Guard:
 
 
 def _split(path: str) -> tuple[str, str]:
-    """Give the first folder of a path, and the path in it."""
+    """Split a path into its first folder and the rest."""
     first, _, rest = path.partition('?')[0].removeprefix('/').partition('/')
     return first, f'/{rest}'

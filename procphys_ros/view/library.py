@@ -21,14 +21,14 @@ from procphys_ros.errors import ProcPhysError
 
 
 class ViewError(ProcPhysError):
-    """A page that cannot be served: no package, or a port that is taken."""
+    """A page that cannot be served: missing package, or port in use."""
 
 
 def load_viser() -> ModuleType:
     """
     Import viser.
 
-    :raises ViewError: when it is not installed.
+    :raises ViewError: if it is not installed.
     """
     try:
         import viser

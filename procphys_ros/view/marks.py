@@ -20,17 +20,17 @@ from typing import Any
 
 import numpy as np
 
-_STAYS = 4.0  # [s] that a mark can be read
-_FLASH = 1.0  # [s] that its flash fades within
+_STAYS = 4.0  # [s] that a mark is shown
+_FLASH = 1.0  # [s] in which its flash fades
 _SIZE = 0.012  # radius of the flash, over the distance to the eye
 _COLOUR = (255, 214, 90)
 _SHAFT, _ARROW = 0.25, 6.0  # radius and length of the arrow, over the radius of the flash
-_BRIGHTEST = 0.9  # opacity; what is opaque would have to be drawn anew to fade
+_BRIGHTEST = 0.9  # opacity; opaque meshes would have to be replaced to fade
 
 
 class Marks:
     """
-    Draws marks that fade, and sends nothing while there are none.
+    Draw fading marks, and send nothing while there are none.
 
     :param scene: `ViserServer.scene`.
     """
@@ -44,11 +44,11 @@ class Marks:
     def put(self, place: np.ndarray, distance: float, text: str,
             way: np.ndarray | None = None) -> None:
         """
-        Show a mark from the next `update` on; any thread may.
+        Show a mark from the next `update` on; thread-safe.
 
-        :param place: where, lengths of the page, (3,).
-        :param distance: from the eye, the same.
-        :param text: beside it.
+        :param place: position on the page, (3,).
+        :param distance: from the eye, in lengths of the page.
+        :param text: label.
         :param way: direction of an arrow that ends there, (3,); None or 0 = no arrow.
         """
         self._coming.append((place, _SIZE * distance, text,
@@ -56,7 +56,7 @@ class Marks:
 
     def update(self, now: float) -> None:
         """
-        Draw what is new, fade what is there, and take away what is old.
+        Draw new marks, fade the others, and remove old ones.
 
         :param now: any clock [s].
         """
@@ -71,7 +71,7 @@ class Marks:
                 flash.opacity, flash.visible = light, light > 0.0
 
     def close(self) -> None:
-        """Take all of them off the page."""
+        """Remove all marks from the page."""
         self._coming.clear()
         self.update(np.inf)
 

@@ -26,9 +26,9 @@ from procphys_ros.view.source import Content, Frame
 
 class Mortar:
     """
-    Draws the joints of one scene, and sends those whose parts move.
+    Draw the joints of one scene, and send those whose parts move.
 
-    :param scene: `ViserServer.scene` or what takes its place.
+    :param scene: `ViserServer.scene` or a substitute.
     :param unit: length of the page [1/m].
     """
 
@@ -38,14 +38,14 @@ class Mortar:
         self._boxes = np.zeros((0, 7))
 
     def update(self, frame: Frame) -> None:
-        """Draw joints that are new, and move those whose parts have moved."""
+        """Draw new joints, and move those whose parts have moved."""
         seats = frame.content.mortar
         if seats is None or not len(seats.bond):
             return
         known, shown = len(self._poses), np.isfinite(frame.poses[:, 0])
         before = np.full_like(frame.poses, np.nan)
         before[:known] = self._poses
-        # Not a number is not the same as itself: what comes, goes or is gone counts as moved.
+        # NaN is not equal to itself: parts that appear, vanish or are gone count as moved.
         moved = ~(np.abs(frame.poses - before) <= VISIBLE).all(axis=1)
         moved &= shown | np.isfinite(before[:, 0])
         rows = np.flatnonzero(moved[seats.first] | moved[seats.second])
@@ -62,7 +62,7 @@ class Mortar:
         self._group.send(self._boxes, rows)
 
     def close(self) -> None:
-        """Take everything off the page."""
+        """Remove all joints from the page."""
         self._group.close()
 
 

@@ -23,19 +23,19 @@ from procphys_ros.render.texture import CLUSTERS
 from procphys_ros.view import shapes
 from procphys_ros.view.source import Content
 
-_NEAR = 50.0  # lengths of a leaf from which on it has less than 22 px of 1000, as in `render`
-_MOST_BLADES = 12_000  # of a texture, those of the nearest clusters: 200,000 triangles
+_NEAR = 50.0  # lengths of a leaf: distance at which it has 22 px of 1000, as in `render`
+_MOST_BLADES = 12_000  # per texture, those of the nearest clusters: 200,000 triangles
 _COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
-_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where copies go that stand for none
-_PERIOD = 10    # frames between looks for those that are near
+_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where unused copies are put
+_PERIOD = 10    # frames between searches for near clusters
 _VISIBLE = 4e-3  # [m] and [-]: smaller moves are not sent
 
 
 class NearLeaves:
     """
-    Draws the nearest clusters as single leaves, a fixed number of copies of one mesh a texture.
+    Draw the nearest clusters as single leaves, a fixed number of copies of one mesh per texture.
 
-    :param scene: `ViserServer.scene` or what takes its place.
+    :param scene: `ViserServer.scene` or a substitute.
     :param unit: length of the page [1/m].
     """
 
@@ -49,12 +49,12 @@ class NearLeaves:
 
     def update(self, content: Content, poses: np.ndarray, eyes: np.ndarray) -> np.ndarray:
         """
-        Draw what is near.
+        Draw the near clusters.
 
         :param content: leaves and their textures.
         :param poses: of the petioles, (L, 7).
-        :param eyes: from where people look, world [m], (K, 3).
-        :returns: leaves drawn here, which are no clusters then, (M,).
+        :param eyes: positions of the cameras, world [m], (K, 3).
+        :returns: leaves drawn here, and not as clusters, (M,).
         """
         if self._turn % _PERIOD == 0 or not np.array_equal(eyes, self._eyes):
             self._eyes = eyes
@@ -66,7 +66,7 @@ class NearLeaves:
         return np.concatenate([*self._near.values(), np.zeros(0, np.intp)])
 
     def close(self) -> None:
-        """Take everything off the page."""
+        """Remove all leaves from the page."""
         for handle in self._handles.values():
             handle.remove()
 
@@ -97,7 +97,7 @@ def _most(name: str) -> int:
 
 
 def _nearest(content: Content, poses: np.ndarray, eyes: np.ndarray) -> dict[int, np.ndarray]:
-    """Give the clusters that are near enough, the nearest of each texture."""
+    """Return the clusters within range, the nearest of each texture."""
     near: dict[int, np.ndarray] = {}
     if not len(eyes) or not len(poses):
         return near

@@ -26,22 +26,22 @@ from procphys_ros.view import surroundings
 from procphys_ros.view.source import Content, Frame
 from procphys_ros.view.surroundings import Vicinity
 
-ALL, _PERSON = 'all', 'person'  # the whole scene, and the height of a person's eye
+ALL, _PERSON = 'all', 'person'  # the whole scene, and the eye height of a person
 SIDES = {'above': (0.0, -0.02, 1.0), 'south': (0.0, -1.0, 0.15), 'west': (-1.0, 0.0, 0.15),
          'north': (0.0, 1.0, 0.15), 'east': (1.0, 0.0, 0.15),
          _PERSON: (0.3, -1.0, 0.0)}  # towards the eye
 _EYE_HEIGHT = 1.6  # [m] of a person
-_PATIENCE = 30.0  # [s] for the picture of a browser
+_PATIENCE = 30.0  # [s] to wait for the picture of a browser
 _NONE = '–'
 _CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 class Outlook:
     """
-    Builds the folder "View", and moves the eye of who uses it.
+    Build the folder "View", and move the camera of its user.
 
     :param gui: `ViserServer.gui`.
-    :param seen: returns the frame that is shown, and the length of the page [1/m].
+    :param seen: returns the shown frame, and the length of the page [1/m].
     """
 
     def __init__(self, gui: Any, seen: Callable[[], tuple[Frame | None, float]]):
@@ -62,7 +62,7 @@ class Outlook:
         List the objects of a scene.
 
         :param content: of the scene.
-        :param is_new: whether it is another scene than before.
+        :param is_new: whether the scene has changed.
         """
         if is_new:
             self._parts, self._listed = {}, 0
@@ -75,7 +75,7 @@ class Outlook:
 
     def _go(self, event: Any, place: Callable[[Frame], tuple[np.ndarray, np.ndarray] | None]
             ) -> None:
-        """Put the eye of a client where a function says, unless it says nothing."""
+        """Move a client's camera to eye and target by a function, unless it returns None."""
         frame, unit = self._seen()
         stand = place(frame) if frame is not None and event.client is not None else None
         if stand is not None:
@@ -87,13 +87,13 @@ class Outlook:
         return at_parts(frame, np.array(self._parts.get(self.object.value, ()), int))
 
     def _save(self, event: Any) -> None:
-        """Send a client what it sees, as a file."""
+        """Send a client the picture of its view, as a file."""
         from PIL import Image
         client = event.client
         try:
             seen = client.get_render(client.camera.image_height, client.camera.image_width,
                                      timeout=_PATIENCE)
-        except (TimeoutError, RuntimeError):  # it has left, or draws no more
+        except (TimeoutError, RuntimeError):  # it has left, or stopped drawing
             return
         data = io.BytesIO()
         Image.fromarray(seen).save(data, 'png')
@@ -117,7 +117,7 @@ def from_side(frame: Frame, side: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def at_parts(frame: Frame, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return eye and target [m] for a view of some parts, (K,); None where none is left."""
+    """Return eye and target [m] for a view of some parts, (K,); None if none remain."""
     parts = parts[parts < len(frame.poses)]
     parts = parts[np.isfinite(frame.poses[parts, 0])]
     if not len(parts):

@@ -47,23 +47,23 @@ from procphys_ros.view.torn_meshes import TornMeshes
 from procphys_ros.view.wind_arrow import WindArrow
 
 HOST, PORT = 'localhost', 8080
-RATE = 20.0  # [Hz] at which what moves is sent at most
-_STATUS_PERIOD = 0.25  # [s] between looks at how the source is
+RATE = 20.0  # [Hz] highest rate of updates
+_STATUS_PERIOD = 0.25  # [s] between updates of the status
 
 
 class Page:
     """
     A page in the browser.
 
-    :param source: what is shown.
-    :param host: address that it is served on; the default is reached from this machine only.
+    :param source: the running scene to show.
+    :param host: address that it is served on; the default is reachable from this machine only.
     :param port: TCP port.
     :param scenes: files that may be loaded, by name.
-    :param names: under which browsers may ask for it, besides `host` and localhost.
-    :ivar address: where it is; who has it may command.
+    :param names: other host names of the page, besides `host` and localhost.
+    :ivar address: URL of the page; anyone who has it may send commands.
     :ivar controls: sliders and buttons.
-    :ivar unit: length of the page that stands for one metre.
-    :raises ViewError: when viser is missing, or the port is taken.
+    :ivar unit: length of the page per metre.
+    :raises ViewError: if viser is missing, or the port is in use.
     """
 
     def __init__(self, source: Source, host: str = HOST, port: int = PORT,
@@ -90,11 +90,11 @@ class Page:
         self._thread = Thread(target=self.run, name='page', daemon=True)
 
     def start(self) -> None:
-        """Send what moves from now on, in a thread."""
+        """Start sending updates, in a thread."""
         self._thread.start()
 
     def run(self) -> None:
-        """Send what moves until the page is closed."""
+        """Send updates until the page is closed."""
         due = perf_counter()
         while not self._ended.wait(max(due - perf_counter(), 0.0)):
             due = max(due + 1.0 / RATE, perf_counter())
@@ -102,7 +102,7 @@ class Page:
 
     def update(self, now: float) -> None:
         """
-        Send what has changed since the last call.
+        Send all changes since the last call.
 
         :param now: any clock [s].
         """
@@ -121,7 +121,7 @@ class Page:
             self.draw(frame)
 
     def draw(self, frame: Frame) -> None:
-        """Draw a frame, whatever the source shows."""
+        """Draw a frame, independent of the source."""
         is_new = not self._continues(frame)
         if is_new:
             self._begin(frame)
@@ -134,16 +134,16 @@ class Page:
             drawn.update(frame)
 
     def close(self) -> None:
-        """Stop serving."""
+        """Stop the server."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
-        with redirect_stdout(io.StringIO()):  # viser says that it has stopped
+        with redirect_stdout(io.StringIO()):  # viser prints that it has stopped
             self.server.stop()
 
     def click(self, origin: np.ndarray, direction: np.ndarray) -> None:
         """
-        Do what a click does.
+        Execute a click.
 
         :param origin: the eye, world [m], (3,).
         :param direction: of the ray, world, (3,).
@@ -174,7 +174,7 @@ class Page:
         self.click(np.array(event.ray_origin) / self.unit, np.array(event.ray_direction))
 
     def _seen_from(self) -> np.ndarray:
-        """Give where everybody looks from, world [m], (K, 3)."""
+        """Return the positions of all cameras, world [m], (K, 3)."""
         cameras = [client.camera for client in self.server.get_clients().values()]
         return np.array([camera.position / self.unit for camera in cameras
                          if camera.update_timestamp != 0.0]).reshape(-1, 3)
@@ -203,9 +203,9 @@ class Page:
 
 
 def _serve(host: str, port: int, guard: Guard) -> Any:
-    """Start a server, quietly; viser itself would take another port than the one asked for."""
+    """Start a server, quietly; viser itself would take another port if this is in use."""
     viser = load_viser()
-    # It logs the stack of whoever connects and asks for no page, as browsers do in advance.
+    # It logs the stack for clients that connect without a request, as browsers do in advance.
     logging.getLogger('websockets.server').setLevel(logging.CRITICAL)
     try:
         family, *_, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]

@@ -23,17 +23,17 @@ from procphys_ros import rotation
 from procphys_ros.view.source import Frame
 
 GROUND = -1
-_NEAR_MISS = 0.004  # [rad] by which a part may be missed: twigs are thinner than a pixel
-_LEAF_REACH = 0.4   # radius of the ball that stands for a leaf, over its length
+_NEAR_MISS = 0.004  # [rad] tolerance around parts: twigs are thinner than a pixel
+_LEAF_REACH = 0.4   # radius of the sphere that replaces a leaf, over its length
 
 
 @dataclass(frozen=True)
 class Hit:
     """
-    What was met.
+    The intersection of a ray with the scene.
 
     :ivar part: its index; `GROUND` for the ground.
-    :ivar point: where, world [m], (3,).
+    :ivar point: of intersection, world [m], (3,).
     :ivar distance: from the eye [m].
     """
 
@@ -44,9 +44,9 @@ class Hit:
 
 def pick(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> Hit | None:
     """
-    Find what a ray meets first: a part, a leaf (which counts as its part), or the ground.
+    Find the first intersection of a ray: a part, a leaf (which counts as its part), or the ground.
 
-    :param frame: what is shown.
+    :param frame: the shown one.
     :param origin: the eye, world [m], (3,).
     :param direction: of the ray, world, (3,).
     :returns: None for the sky.
@@ -76,7 +76,7 @@ def _distance_to_ground(frame: Frame, origin: np.ndarray, direction: np.ndarray)
 
 def _distance_to_boxes(poses: np.ndarray, size: np.ndarray, origin: np.ndarray,
                        direction: np.ndarray) -> np.ndarray:
-    """Give the distance at which a ray enters the box around each part, inf = never, (N,)."""
+    """Return the distance at which a ray enters the box of each part, inf = never, (N,)."""
     back = rotation.conjugate(poses[:, 3:])
     start = rotation.rotate(back, origin - poses[:, :3])
     along = rotation.rotate(back, direction)
@@ -91,7 +91,7 @@ def _distance_to_boxes(poses: np.ndarray, size: np.ndarray, origin: np.ndarray,
 
 
 def _distance_to_leaves(frame: Frame, origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Give the distance at which a ray enters the ball around each leaf, inf = never, (L,)."""
+    """Return the distance at which a ray enters the sphere of each leaf, inf = never, (L,)."""
     leaves, poses = frame.content.leaves, frame.leaf_poses
     up = rotation.rotate(poses[:, 3:], np.array([0.0, 0.0, 1.0]))
     centre = poses[:, :3] + 0.5 * leaves.size[:, None] * up - origin

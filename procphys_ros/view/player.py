@@ -41,21 +41,21 @@ from procphys_ros.view.commands import (
 )
 from procphys_ros.view.source import Content, Frame, shortened, Status
 
-_TURN = 0.01        # [s] between looks at the clock
+_TURN = 0.01        # [s] between checks of the clock
 _LONGEST = 0.05     # [s] of steps before commands and frames get a turn
-_MOST_BEHIND = 0.1  # [s] of wall time that is caught up; what is later is lost, not piled up
+_MOST_BEHIND = 0.1  # [s] of wall time that is caught up; a longer delay is dropped
 _NONE_BROKEN = np.zeros((0, 2), int)
 FRAME_PERIOD = 0.05  # [s] between frames
 
 
 class Player:
     """
-    Plays a simulation and carries commands out between its steps.
+    Run a simulation and execute commands between its steps.
 
-    :param simulation: nobody else may touch it while it is played.
+    :param simulation: must not be used elsewhere while it is played.
     :param name: of its scene; '' = the names of its objects.
-    :ivar simulation: the one that is played now.
-    :ivar watched: whether frames are wanted.
+    :ivar simulation: the present one.
+    :ivar watched: whether frames are needed.
     """
 
     can_undo = True
@@ -64,7 +64,7 @@ class Player:
         self.simulation = simulation
         self.watched = True
         self._name = name or shortened(placed.name for placed in simulation.objects)
-        self._before: bytes | None = None  # the state that `Undo` goes back to
+        self._before: bytes | None = None  # the state that `Undo` restores
         self._queue: Queue[Any] = Queue()
         self._ended = Event()
         self._paused, self._factor, self._scene = False, 1.0, 0
@@ -83,21 +83,21 @@ class Player:
             Inspect: self._inspect, LoadScene: self._load}
 
     def start(self) -> None:
-        """Begin to play."""
+        """Start playing."""
         self._thread.start()
 
     def close(self) -> None:
-        """Stop playing and wait for the step under way."""
+        """Stop playing and wait for the present step."""
         self._ended.set()
         if self._thread.is_alive():
             self._thread.join()
 
     def frame(self) -> Frame | None:
-        """Give the newest moment."""
+        """Return the newest frame."""
         return self._frame
 
     def status(self) -> Status:
-        """Say how it is doing."""
+        """Describe the state of the simulation."""
         simulation = self.simulation
         text = self._activity or (f'{simulation.time:.1f} s, {len(simulation.poses)} parts, '
                                   f'{simulation.bonds_broken} bonds broken')
@@ -106,16 +106,16 @@ class Player:
                       (float(wind[0]), float(wind[1]), float(wind[2])), self._name)
 
     def say(self, command: Any) -> None:
-        """Have a command carried out between two steps."""
+        """Queue a command for execution between two steps."""
         self._queue.put(command)
 
     def answer(self) -> str:
-        """Give the answer to the last command."""
+        """Return the answer to the last command."""
         return self._answer
 
     def turn(self, now: float) -> None:
         """
-        Carry out what waits, run the steps that are due, and keep the newest frame.
+        Execute waiting commands, run the steps that are due, and keep the newest frame.
 
         :param now: any clock [s].
         """
@@ -136,7 +136,7 @@ class Player:
         while not self._ended.wait(0.0 if self._is_late() else _TURN):
             try:
                 self.turn(perf_counter())
-            except Exception as error:  # a page that stands still must say why
+            except Exception as error:  # a page that stands still must show the reason
                 self._paused = True
                 self._answer = f'stopped: {type(error).__name__}: {error}'
 
@@ -180,7 +180,7 @@ class Player:
 
     def _reset(self, command: Reset) -> str:
         self.simulation.reset()
-        self._follow()  # before as many parts may have joined again
+        self._follow()  # before an equal number of parts may have joined again
         self._known_breaks, self._broken = 0, _NONE_BROKEN
         return ''
 
@@ -229,7 +229,7 @@ class Player:
                           before if self._bonds == bonds else None)
 
     def _follow(self) -> None:
-        """Describe the scene again when parts have joined, or went with a reset."""
+        """Describe the scene again after parts have joined, or were removed by a reset."""
         count, before = len(self.simulation.blueprint), self._content
         if count < len(before):
             self._scene += 1

@@ -25,13 +25,13 @@ from procphys_ros.render import texture
 from procphys_ros.render.mesh import hexahedra
 from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
-_TONES = 4  # shades of a texture, so that neighbouring bricks can be told apart
+_TONES = 4  # shades of a texture, which distinguish neighbouring bricks
 _UNIFORM = 0.08  # variation of looks below which one shade is enough
 TAPERS = np.array([0.4, 0.75, 1.0])  # tip diameters over base diameters
 _SIDES = 9  # faces around a branch
 _LAP = 0.02  # share of its length by which a segment reaches into its neighbours
 _SURFACE_PIXELS, _LEAF_PIXELS = 64, 128
-_CUT_OFF = 0.4  # opacity below which a leaf's image has a hole
+_CUT_OFF = 0.4  # opacity below which a leaf's image is cut out
 
 
 @cache
@@ -40,7 +40,7 @@ def box(name: str, tone: int) -> bytes:
     Write a cube of edge 1 around the origin.
 
     :param name: of the texture.
-    :param tone: which of its `tones`.
+    :param tone: one of its `tones`.
     """
     corners, normals, uv = [], [], []
     for axis in range(3):
@@ -58,7 +58,7 @@ def box(name: str, tone: int) -> bytes:
 
 def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
     """
-    Write a solid with eight corners; else as `box`.
+    Write a solid with eight corners; see `box`.
 
     :param corners: as in `Hexahedra.corners` [m], (24,).
     """
@@ -69,9 +69,9 @@ def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
 @cache
 def branch(name: str, tone: int, taper: int) -> bytes:
     """
-    Write a cone along z, of length 1 and base diameter 1; else as `box`.
+    Write a cone along z, of length 1 and base diameter 1; see `box`.
 
-    :param taper: which of `TAPERS`.
+    :param taper: index into `TAPERS`.
     """
     turn = np.linspace(0.0, 2.0 * np.pi, _SIDES + 1)
     circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -94,7 +94,7 @@ def branch(name: str, tone: int, taper: int) -> bytes:
 
 @cache
 def ball(name: str, tone: int) -> bytes:
-    """Write a ball of diameter 1; else as `box`."""
+    """Write a ball of diameter 1; see `box`."""
     import trimesh
     mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
     normals = 2.0 * mesh.vertices
@@ -103,19 +103,19 @@ def ball(name: str, tone: int) -> bytes:
 
 @cache
 def leaf(name: str, tone: int) -> bytes:
-    """Write two crossed quads of length 1 that stand on the origin along z; else as `box`."""
+    """Write two crossed quads of length 1 that stand on the origin along z; see `box`."""
     square = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
     points = np.zeros((8, 3))
     points[:4, 0] = points[4:, 1] = look(name).aspect * square[:, 0]
     points[:, 2] = np.tile(square[:, 1], 2)
-    normals = np.tile([0.0, 0.0, 1.0], (8, 1))  # lit as a crown is, not quad by quad
+    normals = np.tile([0.0, 0.0, 1.0], (8, 1))  # lit like a crown, not quad by quad
     faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
     return _glb(points, faces, normals, np.tile(square + [0.5, 0.0], (2, 1)), name, tone)
 
 
 @cache
 def spray(name: str) -> bytes:
-    """Write the same cluster leaf by leaf, as `render` draws it near by."""
+    """Write the same cluster leaf by leaf, as drawn by `render` at close range."""
     from PIL import Image
     import trimesh
     own = look(name)
@@ -138,12 +138,12 @@ def spray(name: str) -> bytes:
 
 
 def tones(name: str) -> int:
-    """Give the number of shades of a texture."""
+    """Return the number of shades of a texture."""
     return _TONES if look(name).variation >= _UNIFORM else 1
 
 
 def tone_of(rows: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Choose among shades for parts or leaves by their indices, (K,), for life."""
+    """Assign constant shades to parts or leaves by a hash of their indices, (K,)."""
     mixed = np.asarray(rows, np.uint64) * np.uint64(0x9E3779B97F4A7C15)  # splitmix64 (Steele 2014)
     mixed = (mixed ^ mixed >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
     return (mixed >> np.uint64(40)).astype(int) % count
@@ -174,5 +174,5 @@ def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndar
 
 
 def _linear(colour: np.ndarray) -> np.ndarray:
-    """Turn display values into the linear ones that glTF asks for (sRGB, IEC 61966-2-1)."""
+    """Convert display values to linear ones for glTF (sRGB, IEC 61966-2-1)."""
     return np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)

@@ -23,10 +23,10 @@ from procphys_ros.view.player import Player
 
 
 class PlayerPage(Page):
-    """A page that nothing but its own source plays for: that ends with it."""
+    """A page that owns its source and closes it."""
 
     def close(self) -> None:
-        """Stop serving, and wait for the step under way."""
+        """Stop the server, and wait for the present step."""
         super().close()
         self._source.close()
 
@@ -36,13 +36,13 @@ def show(simulation: Simulation, host: str = HOST, port: int = PORT,
     """
     Play a simulation on a page; in a notebook the page is shown below the cell.
 
-    The page steps the simulation in a thread of its own until `Page.close`; nobody else may.
+    The page steps the simulation in a separate thread until `Page.close`; no other code may.
 
-    :param simulation: what is played.
+    :param simulation: to be played.
     :param host: address that the page is served on.
     :param port: TCP port.
-    :param names: under which browsers may ask for it, besides `host` and localhost.
-    :raises ViewError: when viser is missing, or the port is taken.
+    :param names: other host names of the page, besides `host` and localhost.
+    :raises ViewError: if viser is missing, or the port is in use.
     """
     player = Player(simulation)
     page = PlayerPage(player, host, port, names=names)

@@ -29,30 +29,30 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render.joints import Seats, seats
 from procphys_ros.torn_wood import Wood, WoodJoints
 
-_NAMED = 3  # objects that a line has room for
+_NAMED = 3  # objects listed in a line
 
 
 @dataclass(frozen=True)
 class Content:
     """
-    What a scene consists of; rows of later contents of the same scene only join behind.
+    The parts of a scene; later contents of the same scene only append rows.
 
-    :ivar scene: number of the scene; another one has nothing to do with what was shown before.
-    :ivar name: gives the name of a part by its index.
+    :ivar scene: number of the scene; another number means an unrelated scene.
+    :ivar name: returns the name of a part by its index.
     :ivar shape: `Shape` of each part, (N,).
-    :ivar size: what is drawn [m], (N, 3), as `Blueprint.visual_size`; balls have three diameters.
+    :ivar size: drawn extents [m], (N, 3), as `Blueprint.visual_size`; balls have three diameters.
     :ivar mass: [kg], (N,).
     :ivar ball: parts that are balls, (N,) bool.
     :ivar texture: index into `textures`, (N,).
-    :ivar material: name of the material by the index of a part.
+    :ivar material: returns the material's name by the index of a part.
     :ivar textures: names.
     :ivar leaves: leaves on the parts.
     :ivar first_piece: first piece of the brick that a part was cut from, (N,).
-    :ivar hexahedra: corners of boxes that are no rectangular ones.
+    :ivar hexahedra: corners of non-rectangular boxes.
     :ivar terrain: the surface of the ground.
-    :ivar paving: what covers it.
-    :ivar wood: where trees have come apart; None = not known.
-    :ivar mortar: where it is between parts; None = not known.
+    :ivar paving: of the ground.
+    :ivar wood: joints where trees have broken; None = not known.
+    :ivar mortar: seats of mortar between parts; None = not known.
     """
 
     scene: int
@@ -83,10 +83,10 @@ class Content:
         Describe a blueprint.
 
         :param blueprint: parts and leaves.
-        :param name: gives the name of a part by its index.
+        :param name: returns the name of a part by its index.
         :param scene: number of the scene.
         :param terrain: the surface of the ground.
-        :param paving: what covers it.
+        :param paving: of the ground.
         :param before: an earlier content of the same scene, with the same bonds.
         """
         launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
@@ -104,13 +104,13 @@ class Content:
 @dataclass(frozen=True)
 class Frame:
     """
-    A moment of a scene.
+    The state of a scene at one moment.
 
-    :ivar content: what there is.
+    :ivar content: parts of the scene.
     :ivar poses: of its parts, world, (N, 7); NaN = the part is gone.
     :ivar leaf_poses: petioles of its leaves, world, (L, 7).
     :ivar dust: puffs in the air.
-    :ivar broken: parts of the bonds that have broken, in pairs, oldest first, (K, 2); -1 = ground.
+    :ivar broken: parts of the broken bonds, in pairs, oldest first, (K, 2); -1 = ground.
     """
 
     content: Content
@@ -123,15 +123,15 @@ class Frame:
 @dataclass(frozen=True)
 class Status:
     """
-    How the source is doing.
+    The status of a source.
 
     :ivar alive: whether it answers.
     :ivar text: one line about it.
-    :ivar time: simulated [s].
-    :ivar paused: whether time stands still.
-    :ivar factor: real-time factor asked for; 0 = as fast as possible.
+    :ivar time: simulated time [s].
+    :ivar paused: whether the simulation is paused.
+    :ivar factor: requested real-time factor; 0 = as fast as possible.
     :ivar wind: mean wind at the reference height [m/s], (3,).
-    :ivar scene: what runs: the name of a scene, or of its objects.
+    :ivar scene: name of the running scene, or of its objects.
     """
 
     alive: bool = False
@@ -144,7 +144,7 @@ class Status:
 
 
 def shortened(names: Iterable[str]) -> str:
-    """Name the objects of a scene in a line, the first ones of many."""
+    """List the objects of a scene in a line, only the first if there are many."""
     known = list(names)
     return ', '.join([*known[:_NAMED], *['…'] * (len(known) > _NAMED)]) or 'an empty scene'
 
@@ -153,28 +153,28 @@ class Source(Protocol):
     """
     A running scene: a simulation of this process, or a node.
 
-    :ivar watched: set by the page: whether anybody looks, so that frames are wanted.
-    :ivar can_undo: whether it takes an `Undo`.
+    :ivar watched: set by the page: whether it has viewers, so that frames are needed.
+    :ivar can_undo: whether it supports `Undo`.
     """
 
     watched: bool
     can_undo: bool
 
     def frame(self) -> Frame | None:
-        """Give the newest moment, the same object while nothing new has come."""
+        """Return the newest frame, the same object while nothing has changed."""
 
     def status(self) -> Status:
-        """Say how it is doing."""
+        """Return the status."""
 
     def say(self, command: Any) -> None:
         """
-        Have a command carried out as soon as may be; returns at once.
+        Queue a command for execution; return at once.
 
         :param command: of `view.commands`, or a `SetWind`, `Impulse`, `Projectile` or `Explosion`.
         """
 
     def answer(self) -> str:
-        """Give the answer to the last command that was carried out or refused."""
+        """Return the answer to the last executed or refused command."""
 
     def close(self) -> None:
-        """End it."""
+        """Close the source."""

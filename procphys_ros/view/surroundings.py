@@ -28,19 +28,19 @@ from procphys_ros.view.source import Frame
 
 _SHADOW_REACH = 18.0  # lengths of the page from the eye within which viser draws shadows (20)
 _SPAN = 40.0          # side of the ground over the radius of the scene
-_HAZE = 0.35          # distance at which the ground begins to fade, over that where it ends
-_LIT = (3.2, 1.6)     # intensity of sun and sky, by eye beside `render`
+_HAZE = 0.35          # distance at which the ground begins to fade, over that of its edge
+_LIT = (3.2, 1.6)     # intensity of sun and sky, matched by eye to `render`
 _WINDOW = (16, 10)    # width and height of a usual browser window
-_ROOM = 1.3           # by so much further away, because a panel covers a part
+_ROOM = 1.3           # factor of distance, because a panel covers a part
 _LIFT = 0.004         # [m] of the grid above the ground
-_SMALLEST = 2.0       # [m] radius of a scene, whatever is in it
+_SMALLEST = 2.0       # [m] least radius of a scene
 _ROWS = 64            # of the picture of the sky
 
 
 @dataclass(frozen=True)
 class Vicinity:
     """
-    A scene and the ground around it, up to where all of the scene is in view from.
+    A scene and the ground around it, up to the distance from which all of it is in view.
 
     :ivar low, high: corners of a box around all parts and leaves, world [m], (3,).
     """
@@ -50,18 +50,18 @@ class Vicinity:
 
     @classmethod
     def of(cls, frame: Frame) -> 'Vicinity':
-        """Find it for a scene, without the balls that fly or lie around."""
+        """Compute the vicinity of a scene, without launched balls."""
         points = _points(frame)
         return cls(points.min(axis=0), points.max(axis=0))
 
     @property
     def radius(self) -> float:
-        """Return the radius of a ball around the box [m]."""
+        """Return the radius of the bounding sphere of the box [m]."""
         return max(_SMALLEST, 0.5 * float(np.linalg.norm(self.high - self.low)))
 
     @property
     def margin(self) -> float:
-        """Return how far it reaches around the box [m]."""
+        """Return the margin around the box [m]."""
         return self.radius / float(np.sin(0.5 * np.radians(camera.FIELD_OF_VIEW)))
 
     @property
@@ -70,16 +70,16 @@ class Vicinity:
         return 0.5 * (self.low + self.high)
 
     def holds(self, point: np.ndarray) -> bool:
-        """Return whether a point, world [m], (3,), lies in it, seen from above."""
+        """Return whether a point, world [m], (3,), is inside, seen from above."""
         inside = (self.low - self.margin <= point) & (point <= self.high + self.margin)
         return bool(inside[:2].all())
 
 
 def unit_of(frame: Frame) -> float:
     """
-    Choose the length of the page for one metre, so that shadows reach over the whole scene.
+    Choose the length of the page per metre, so that shadows reach over the whole scene.
 
-    :param frame: the scene at first.
+    :param frame: the first one of the scene.
     """
     eye, target = standpoint(frame)
     away = float(np.linalg.norm(np.subtract(eye, target)))
@@ -88,17 +88,17 @@ def unit_of(frame: Frame) -> float:
 
 def arrange(server: Any, frame: Frame, unit: float) -> None:
     """
-    Put ground, light and the eye around a scene.
+    Place ground, light and cameras around a scene.
 
     :param server: `ViserServer`.
-    :param frame: the scene at first.
+    :param frame: the first one of the scene.
     :param unit: length of the page [1/m].
     """
     points = _points(frame)
     middle, span = points.mean(axis=0), _SPAN * Vicinity.of(frame).radius * unit
     ground, line = (_bytes(tone * np.array(rgba('ground')[:3])) for tone in (1.0, 0.85))
     place = float(middle[0]) * unit, float(middle[1]) * unit
-    # A mesh, because a grid is drawn with what is translucent, and would be hidden by dust.
+    # A mesh, because a grid is drawn with translucent objects, and would be hidden by dust.
     if frame.content.terrain.is_flat:
         corners = 0.5 * span * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]])
         corners, faces = corners + [*place, 0.0], np.array([[0, 1, 2], [0, 2, 3]])
@@ -119,7 +119,7 @@ def arrange(server: Any, frame: Frame, unit: float) -> None:
 
 
 def _pave(server: Any, paving: Sequence[Paving], unit: float) -> None:
-    """Show what covers the ground, in place of what did before."""
+    """Replace the paving of the ground."""
     server.scene.remove_by_name('/paving')
     for number, one in enumerate(paving):
         server.scene.add_mesh_simple(
@@ -128,7 +128,7 @@ def _pave(server: Any, paving: Sequence[Paving], unit: float) -> None:
 
 
 def light_up(server: Any) -> None:
-    """Put sun and sky over everything, in place of the lamps of a studio."""
+    """Replace the default studio lights by sun and sky."""
     scene = server.scene
     scene.configure_default_lights(enabled=False)
     scene.configure_environment_map(None)

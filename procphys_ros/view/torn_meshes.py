@@ -28,7 +28,7 @@ _VISIBLE = 1e-3  # [m] and [-]: smaller moves are not sent
 
 class TornMeshes:
     """
-    Draws a mesh for every end; sends nothing while nothing has broken.
+    Draw a mesh for every torn end; send nothing while nothing has broken.
 
     :param scene: `ViserServer.scene`.
     :param unit: length of the page [1/m].
@@ -38,11 +38,11 @@ class TornMeshes:
         self._scene, self._unit = scene, unit
         self._torn = torn_wood.TornEnds()
         self._drawn: dict[int, list[tuple[Any, int]]] = {}  # handles and parts, by bond
-        self._ends: dict[int, list[torn_wood.End]] = {}  # those that are drawn
+        self._ends: dict[int, list[torn_wood.End]] = {}  # the drawn ones
         self._sent: dict[str, np.ndarray] = {}
 
     def update(self, frame: Frame) -> None:
-        """Draw the ends that there are now."""
+        """Draw the present torn ends."""
         wood = frame.content.wood
         if wood is None:
             return
@@ -59,7 +59,7 @@ class TornMeshes:
                     self._move(handle, frame.poses[part])
 
     def close(self) -> None:
-        """Take everything off the page."""
+        """Remove all torn ends from the page."""
         for bond in list(self._drawn):
             self._remove(bond)
 

@@ -29,11 +29,11 @@ _CALM = 0.05  # [m/s] below which there is none
 
 class WindArrow:
     """
-    Draws an arrow with the speed beside it; sends nothing while the wind stays.
+    Draw an arrow with the speed beside it; send only changes of the wind.
 
     :param scene: `ViserServer.scene`.
     :param unit: length of the page [1/m].
-    :param vicinity: the scene that it is drawn over.
+    :param vicinity: of the scene below it.
     """
 
     def __init__(self, scene: Any, unit: float, vicinity: Vicinity):
@@ -65,7 +65,7 @@ class WindArrow:
                                   position=self._unit * middle, anchor='bottom-center')]
 
     def close(self) -> None:
-        """Take it off the page."""
+        """Remove the arrow from the page."""
         for handle in self._handles:
             handle.remove()
         self._handles, self._shown = [], ()
