@@ -36,7 +36,7 @@ from procphys_ros.scene.named import scene_file
 from procphys_ros.schema import short
 from procphys_ros.warning_lines import print_warning, told_to
 
-_MOST_TOLD = 20  # failed runs that are named for each reason
+_MOST_TOLD = 20  # failed runs listed for each reason
 _EXAMPLES = """\
 values: name=[v, …] in YAML, name=v,v,…, or name=first..last/number; of a vector such as
 wind.velocity a range of numbers varies the length, and keeps the direction of the scene
@@ -52,13 +52,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param arguments: words after the command's name; the process's own when not given.
-    :returns: exit code: 0 all rows are there, 1 it cannot be done or runs failed, 2 invalid usage,
+    :param arguments: words after the command's name; default the process's own.
+    :returns: exit code: 0 all rows exist, 1 it cannot be done or runs failed, 2 invalid usage,
         130 interrupted.
     """
     options = _parser().parse_args(arguments)
     signal.signal(signal.SIGTERM, raising(KeyboardInterrupt))
-    warn = cache(print_warning)  # what many runs are warned of is told once
+    warn = cache(print_warning)  # equal warnings of many runs are printed once
     try:
         check_format(options.out)
         with told_to(warn):
@@ -95,9 +95,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _work(sweep: Sweep, table: Table, work: Workers, bar: ProgressBar,
           warn: Callable[[str], None], failed: dict[str, list[str]]) -> None:
     """
-    Have the runs that are missing carried out.
+    Execute the missing runs.
 
-    :param failed: gets the reasons why some could not be, each with what these runs are.
+    :param failed: receives the reasons of failures, each with its runs.
     """
     missing = {run.number: (values, run) for values, run in sweep.runs()
                if run.number not in table.done}
@@ -114,7 +114,7 @@ def _work(sweep: Sweep, table: Table, work: Workers, bar: ProgressBar,
 
 
 def _shown(names: Sequence[str], values: Sequence[Any]) -> str:
-    """Write what is varied in a run, long texts and lists shortened."""
+    """Format the varied values of a run, long strings and lists shortened."""
     return ', '.join(f'{name}={short(value)}'
                      for name, value in zip(names, values))
 

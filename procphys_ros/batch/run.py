@@ -30,7 +30,7 @@ from procphys_ros.simulation.parts import Owner, owners
 from procphys_ros.simulation.series import record as record_series
 from procphys_ros.simulation.series import Series
 
-_TAKEN_EVERY = 60  # steps, long before the log of breaks would be full
+_TAKEN_EVERY = 60  # steps between reads of the log of breaks, long before it is full
 MEASURES = ('parts', 'mass_kg', 'bonds', 'bonds_broken',
             *(f'broken_by_{cause.name.lower()}' for cause in Cause), 'parts_fallen',
             'mass_fallen_kg', 'first_break_s', 'last_break_s', 'wall_time_s')
@@ -43,11 +43,11 @@ class Run:
     One simulation of a batch.
 
     :ivar number: of the run.
-    :ivar parameters: of the scene, nested, with what is varied.
-    :ivar folder: of the scene file, where grammars are looked for first.
+    :ivar parameters: of the scene, nested, including varied ones.
+    :ivar folder: of the scene file, searched first for grammars.
     :ivar duration: simulated time [s].
-    :ivar series: parts that are recorded, as `Simulation.series` takes them; () = none.
-    :ivar every: time steps from row to row of the series.
+    :ivar series: recorded parts, as in `Simulation.series`; () = none.
+    :ivar every: time steps per row of the series.
     """
 
     number: int
@@ -60,24 +60,24 @@ class Run:
 
 def run(what: Run) -> dict[str, float]:
     """
-    Simulate, and sum up what happened; see `record`.
+    Simulate, and summarise the breakage; see `record`.
 
-    :returns: values of `MEASURES`; NaN for times of breaks when nothing broke.
-    :raises ProcPhysError: when the scene cannot be built.
+    :returns: values of `MEASURES`; NaN for times of breaks if no bond broke.
+    :raises ProcPhysError: if the scene cannot be built.
     """
     return record(what)[0]
 
 
 def record(what: Run) -> tuple[dict[str, float], Series | None]:
     """
-    Simulate, sum up what happened, and record parts.
+    Simulate, summarise the breakage, and record parts.
 
-    Bonds that break under their own weight while the scene is set up count too. A part has fallen
-    when it was part of a building or a tree and is loose, on a branch that came off, or gone.
+    Bonds that break under their own weight during the setup of the scene count too. A part has
+    fallen if it was part of a building or a tree and is loose, on a detached branch, or gone.
 
-    :returns: values of `MEASURES`, NaN for times of breaks when nothing broke; and the series of
-        the parts that are recorded.
-    :raises ProcPhysError: when the scene cannot be built, or there is no such part.
+    :returns: values of `MEASURES`, NaN for times of breaks if no bond broke; and the series of
+        the recorded parts.
+    :raises ProcPhysError: if the scene cannot be built, or there is no such part.
     """
     start = perf_counter()
     simulation = Simulation(Scene.from_parameters(what.parameters, what.folder))
@@ -100,7 +100,7 @@ def record(what: Run) -> tuple[dict[str, float], Series | None]:
 
 
 def _sum_up(simulation: Simulation, built: np.ndarray, breaks: np.ndarray) -> dict[str, float]:
-    """Give values of `MEASURES`, but for the time that it took."""
+    """Return the values of `MEASURES`, except the wall time."""
     fallen = built & _loose(simulation)[:len(built)]
     mass = simulation.model.blueprint.mass
     return {
@@ -115,7 +115,7 @@ def _sum_up(simulation: Simulation, built: np.ndarray, breaks: np.ndarray) -> di
 
 
 def _loose(simulation: Simulation) -> np.ndarray:
-    """Return which parts neither stand nor hang on something that does, (N,) bool."""
+    """Mark the parts that neither stand nor are attached to a standing part, (N,) bool."""
     parts, forest = simulation.state.parts, simulation.state.forest
     loose = (parts.owner == Owner.BODY) | (parts.owner == Owner.GONE)
     grown = np.flatnonzero(parts.owner == Owner.TREE)

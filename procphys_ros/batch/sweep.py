@@ -46,8 +46,8 @@ from procphys_ros.schema import Parameter
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
 _DATA_FILES = ('terrain.file', 'wind.file')
 _MOST = 1_000_000  # runs
-_LONGEST = 1e6  # [s] of a run, the latest time of a cue, too
-# What a run does not depend on: what goes out, what messages and services say, and pictures.
+_LONGEST = 1e6  # [s] of a run, also the latest time of a cue
+# Parameters without effect on a run: of topics, messages, services and pictures.
 _IDLE = {p.name for p in NODE} | {'world_frame'}
 _IDLE_GROUPS = ('camera', 'culling', 'inspect', 'intruder', 'intruders', 'lidar', 'sky', 'spawn',
                 'state', 'sun')
@@ -56,7 +56,7 @@ _IDLE_GROUPS = ('camera', 'culling', 'inspect', 'intruder', 'intruders', 'lidar'
 @dataclass(frozen=True)
 class Variation:
     """
-    Values that one parameter takes in turn.
+    The values of one varied parameter.
 
     :ivar name: full name of the parameter, such as `wind.velocity` or `oak.seed`.
     :ivar values: of its type.
@@ -69,14 +69,14 @@ class Variation:
     def read(cls, text: str, objects: Sequence[str],
              scene: Mapping[str, Any] = MappingProxyType({})) -> 'Variation':
         """
-        Read a variation as the command line has it.
+        Read a variation from the command line.
 
         :param text: `name=[value, …]` in YAML, `name=value,value,…`, or `name=first..last/number`
-            for evenly spaced numbers, or vectors; of a vector numbers are its length, and its
-            direction is that of the scene.
+            for evenly spaced numbers, or vectors; for a vector, numbers are lengths in the
+            direction of the scene's value.
         :param objects: names of the objects of the scene.
         :param scene: its parameters, nested.
-        :raises SceneError: when there is no such parameter, or a value is not allowed.
+        :raises SceneError: if there is no such parameter, or a value is not allowed.
         """
         name, sign, given = text.partition('=')
         parameter = find(name.strip(), list(objects))
@@ -99,15 +99,15 @@ class Variation:
 @dataclass(frozen=True)
 class Sweep:
     """
-    All combinations of some variations, each with some seeds.
+    All combinations of some variations, each with several seeds.
 
     :ivar scene: scene file.
     :ivar parameters: nested, as in that file.
-    :ivar variations: what is varied, the last one fastest.
+    :ivar variations: of parameters, the last one fastest.
     :ivar seeds: runs of each combination; the first has the seed of the scene.
     :ivar duration: simulated time of each run [s].
-    :ivar series: parts that are recorded, as `Simulation.series` takes them; () = none.
-    :ivar every: time steps from row to row of the series.
+    :ivar series: recorded parts, as in `Simulation.series`; () = none.
+    :ivar every: time steps per row of the series.
     """
 
     scene: Path
@@ -122,9 +122,9 @@ class Sweep:
     def read(cls, scene: Path, variations: Sequence[str], seeds: int, duration: float,
              series: Sequence[str] = (), every: int = 1) -> 'Sweep':
         """
-        Read a sweep as the command line has it.
+        Read a sweep from the command line.
 
-        :raises SceneError: when the file cannot be read, or a variation makes no sense.
+        :raises SceneError: if the file cannot be read, or a variation is invalid.
         """
         parameters = read_yaml(scene)
         try:
@@ -141,21 +141,21 @@ class Sweep:
         sweep = cls(scene, parameters, read, seeds, duration, tuple(series), every)
         if len(sweep) > _MOST:
             raise SceneError(f'these are {len(sweep)} runs, at most {_MOST} are possible')
-        for _, run in replace(sweep, seeds=1).runs():  # values that do not go together, too
+        for _, run in replace(sweep, seeds=1).runs():  # also values invalid only together
             read_objects(run.parameters)
             _check_duration(duration, read_settings(run.parameters).time_step, every)
         return sweep
 
     def __len__(self) -> int:
-        """Give the number of runs."""
+        """Return the number of runs."""
         return int(np.prod([len(v.values) for v in self.variations], dtype=object)) * self.seeds
 
     @property
     def digest(self) -> str:
         """
-        Tell sweeps apart: by all that was asked for, the version, and what is in the files named.
+        Hash the arguments, the version, and the contents of referenced files, to identify sweeps.
 
-        Those that a grammar or a plan names count, too.
+        Files referenced by a grammar or a plan are included.
         """
         about = json.dumps([__version__, self.parameters, sorted(self._grammars()),
                             [*self._data()],
@@ -165,7 +165,7 @@ class Sweep:
         return hashlib.sha256(about.encode()).hexdigest()[:12]
 
     def _grammars(self) -> Iterator[str]:
-        """Give the digests of the texts of all grammars, varied ones included."""
+        """Yield the digests of the texts of all grammars, varied ones included."""
         named = {(f'{spec.name}.grammar', spec.grammar)
                  for spec in read_objects(self.parameters)}
         named |= {(v.name, value) for v in self.variations for value in v.values
@@ -181,7 +181,7 @@ class Sweep:
                 todo += [(name, str(path), path.parent) for name in _names_in(text, path.parent)]
 
     def _data(self) -> Iterator[str]:
-        """Give the digests of the other files of the scene, varied ones included."""
+        """Yield the digests of the other files of the scene, varied ones included."""
         for key in _DATA_FILES:
             group, _, name = key.partition('.')
             names = {self.parameters.get(group, {}).get(name, '')}
@@ -192,11 +192,11 @@ class Sweep:
 
     @property
     def columns(self) -> tuple[str, ...]:
-        """Names of what is varied."""
+        """Names of the varied parameters."""
         return (*(variation.name for variation in self.variations), 'seed')
 
     def runs(self) -> Iterator[tuple[tuple[Any, ...], Run]]:
-        """Give the values of `columns` and the run of each combination."""
+        """Yield the values of `columns` and the run of each combination."""
         first = int(self.parameters.get('seed', 0))
         combinations = product(*(variation.values for variation in self.variations),
                                range(first, first + self.seeds))
@@ -213,14 +213,14 @@ class Sweep:
 
 
 def _names_in(text: bytes, folder: Path) -> Iterator[str]:
-    """Give the files that a grammar or a plan names, as far as they are there."""
+    """Yield the existing files that a grammar or a plan references."""
     for word in set(_GRAMMAR.findall(text.decode('utf-8', 'replace'))):
         if any((place / word).is_file() for place in (folder, shared_folder() / 'grammars')):
             yield word
 
 
 def _check_duration(duration: float, time_step: float, every: int) -> None:
-    """Raise SceneError for runs [s] without a step, without a row of series, or without an end."""
+    """Raise SceneError for runs [s] of no step, without a row of series, or of excess length."""
     if not time_step <= duration <= _LONGEST:
         raise SceneError(f'a run lasts {duration:g} s, it must be from one time step '
                          f'({time_step:g} s) to {_LONGEST:g} s')
@@ -229,7 +229,7 @@ def _check_duration(duration: float, time_step: float, every: int) -> None:
 
 
 def _values(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any]) -> list[Any]:
-    """Read what stands behind the equals sign; `..` is a range unless the parameter is a text."""
+    """Read the text after the equals sign; `..` is a range unless the parameter is a string."""
     if '..' in given and _is_numeric(parameter):
         return _range(parameter, given, text, scene)
     try:
@@ -240,14 +240,14 @@ def _values(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any
 
 
 def _is_numeric(parameter: Parameter) -> bool:
-    """Tell numbers and vectors from switches, texts, and lists of texts."""
+    """Distinguish numbers and vectors from switches, strings, and lists of strings."""
     default = parameter.default
     return (isinstance(default, (int, float)) and not isinstance(default, bool)
             or isinstance(default, list) and not parameter.takes_any_length)
 
 
 def _range(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any]) -> list[Any]:
-    """Give evenly spaced numbers or vectors."""
+    """Return evenly spaced numbers or vectors."""
     vector = isinstance(parameter.default, list)
     example = '0..20/5, or [0, 0, 0]..[20, 0, 0]/5' if vector else '0..20/5'
     first, _, rest = given.partition('..')
@@ -271,7 +271,7 @@ def _range(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any]
 
 
 def _direction(text: str, parameter: Parameter, scene: Mapping[str, Any]) -> np.ndarray:
-    """Give the direction of a vector of the scene, (D,)."""
+    """Return the direction of a vector of the scene, (D,)."""
     name, inner = text.partition('=')[0].strip(), scene
     *groups, key = name.split('.')
     for group in groups:

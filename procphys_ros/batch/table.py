@@ -33,13 +33,13 @@ SUFFIXES = ('.csv', '.parquet')
 
 class Table:
     """
-    Appends rows to a CSV file; a Parquet file is made of it when all are there.
+    Append rows to a CSV file; convert it to a Parquet file when all exist.
 
     :param path: file to write; until a Parquet file is complete its rows are in `<path>.rows.csv`.
-    :param columns: names of what is varied.
-    :param digest: of the sweep, in a column of its own, so that another one cannot go on with it.
-    :ivar done: numbers of the runs whose rows are there.
-    :raises SceneError: when the file cannot be written, or holds rows of another sweep.
+    :param columns: names of the varied parameters.
+    :param digest: of the sweep, in a separate column, so that another sweep cannot continue it.
+    :ivar done: numbers of the runs with a row.
+    :raises SceneError: if the file cannot be written, or holds rows of another sweep.
     """
 
     def __init__(self, path: Path, columns: Sequence[str], digest: str):
@@ -48,7 +48,7 @@ class Table:
         self._path, self._digest = path, digest
         self._columns = ('run', *columns, *MEASURES, 'sweep')
         self._rows = path if path.suffix == '.csv' else path.with_name(f'{path.name}.rows.csv')
-        self._file: BinaryIO | None = None  # none when there is nothing left to write
+        self._file: BinaryIO | None = None  # none if all rows exist
         self.done: set[int] = set()
         try:
             self._go_on()
@@ -56,11 +56,11 @@ class Table:
             raise SceneError(f'--out {path}: {error.strerror or error}') from error
 
     def _go_on(self) -> None:
-        """Read what is there, cut off half a row at its end, and keep the file open."""
+        """Read existing rows, cut off an incomplete one at the end, and keep the file open."""
         if self._path.suffix == '.parquet' and self._path.exists():
             self._check(*_parquet_rows(self._path))
             return
-        self._file = self._rows.open('ab+', buffering=0)  # holds no row back on a full disk
+        self._file = self._rows.open('ab+', buffering=0)  # buffers no row when the disk is full
         try:
             if not lock(self._file):
                 raise SceneError(f'--out {self._path}: another batch is writing it')
@@ -75,13 +75,13 @@ class Table:
         except (SceneError, UnicodeDecodeError, csv.Error) as error:
             self._file.close()
             raise error if isinstance(error, SceneError) else self._other_sweep() from None
-        if whole != text:  # half a row of ours
+        if whole != text:  # an incomplete row of this table
             os.truncate(self._rows, len(whole.encode()))
         if not whole:
             self._append(self._columns)
 
     def _check(self, columns: list[str], rows: list[dict]) -> None:
-        """Take over the rows that are there, unless they are those of another sweep."""
+        """Accept existing rows, unless they are those of another sweep."""
         if columns != list(self._columns) or any(row['sweep'] != self._digest for row in rows):
             raise self._other_sweep()
         self.done = {int(row['run']) for row in rows}
@@ -93,13 +93,13 @@ class Table:
     def add(self, number: int, values: Sequence[Any], measures: Mapping[str, float],
             series: Series | None = None) -> None:
         """
-        Write the row of a run, so that no kill can take it away, and before it the series.
+        Write the series of a run, then its row, safe against a kill of the process.
 
         :param number: of the run.
-        :param values: of what is varied.
+        :param values: of the varied parameters.
         :param measures: values of `MEASURES`.
-        :param series: of its parts, for a file of its own in the folder `<path>.series`.
-        :raises SceneError: when the disk is full.
+        :param series: of its parts, for a separate file in the folder `<path>.series`.
+        :raises SceneError: if the disk is full.
         """
         texts = [json.dumps(v) if isinstance(v, (list, tuple)) else v for v in values]
         try:
@@ -123,10 +123,10 @@ class Table:
 
     def close(self, complete: bool) -> None:
         """
-        End writing.
+        Close the table.
 
-        :param complete: whether all rows are there, so that a Parquet file can be made of them.
-        :raises SceneError: when the disk is full.
+        :param complete: whether all rows exist, so that a Parquet file can be written.
+        :raises SceneError: if the disk is full.
         """
         if self._file is None:
             return
@@ -140,11 +140,11 @@ class Table:
             raise SceneError(f'--out {self._path}: {error.strerror or error}') from error
 
     def _write_parquet(self, path: Path) -> None:
-        """Convert the rows; types of columns do not depend on what happened in the runs."""
+        """Convert the rows; types of columns do not depend on the results."""
         import pyarrow
         from pyarrow import csv as arrow
         from pyarrow import parquet
-        texts = arrow.ParseOptions(newlines_in_values=True)  # of grammars have lines
+        texts = arrow.ParseOptions(newlines_in_values=True)  # texts of grammars have several lines
         times = {name: pyarrow.float64() for name in MEASURES if name.endswith('_s')}
         types = arrow.ConvertOptions(column_types={**times, 'sweep': pyarrow.string()},
                                      null_values=[])  # NaN is a number here
@@ -153,7 +153,7 @@ class Table:
 
 
 def _end_of_rows(text: str) -> int:
-    """Find where the last whole row ends: behind a line end that no quotes hold."""
+    """Return the end of the last complete row: after a line end outside quotes."""
     end = text.rfind('\n') + 1
     while text.count('"', 0, end) % 2:
         end = text.rfind('\n', 0, end - 1) + 1
@@ -172,9 +172,9 @@ def _parquet_rows(path: Path) -> tuple[list[str], list[dict]]:
 
 def check_format(path: Path) -> None:
     """
-    Make sure that a kind of table can be written.
+    Validate the format of a table.
 
-    :raises SceneError: when a package is missing.
+    :raises SceneError: if a package is missing.
     """
     if path.suffix == '.parquet':
         try:

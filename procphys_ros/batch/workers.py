@@ -41,7 +41,7 @@ _ONE_THREAD = ('OMP_NUM_THREADS', 'OPENBLAS_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 
 def attempt(what: Run) -> Outcome:
-    """Carry a run out; what goes wrong in it is told, and ends nothing else."""
+    """Execute a run; report its errors in the outcome."""
     warned: list[str] = []
     try:
         with told_to(warned.append):
@@ -68,12 +68,12 @@ def _end_with_parent() -> None:
 @contextmanager
 def processes(count: int) -> Iterator[Workers]:
     """
-    Start processes of this machine, with a thread each.
+    Start processes on this machine, with a thread each.
 
-    When one of them is killed, the runs that were under way are carried out again, one after the
-    other: the run whose process is killed once more fails, and no other does.
+    When one of them is killed, the interrupted runs are repeated, one after the other: only a run
+    whose process is killed again fails.
 
-    :param count: of them.
+    :param count: number of processes.
     """
     before = {name: os.environ.get(name) for name in _ONE_THREAD}
     os.environ.update(dict.fromkeys(_ONE_THREAD, '1'))
@@ -100,11 +100,11 @@ def processes(count: int) -> Iterator[Workers]:
 
 def _carry_out(waiting: deque[Run], count: int, interrupted: list[Run]) -> Iterator[Outcome]:
     """
-    Carry runs out, as many at a time as there are processes, until one of these is killed.
+    Execute runs in parallel until a process is killed.
 
-    :param waiting: runs; those that have begun are taken out.
-    :param count: of processes.
-    :param interrupted: gets those that were under way when a process was killed.
+    :param waiting: runs; started ones are removed.
+    :param count: number of processes.
+    :param interrupted: receives the unfinished runs after a process was killed.
     """
     under_way: dict[Future, Run] = {}
     with _pool(count) as pool:
@@ -141,8 +141,8 @@ def dask_cluster(address: str, count: int) -> Iterator[Workers]:
     Use a Dask cluster; its workers need this package installed.
 
     :param address: of its scheduler, such as tcp://host:8786; '' = start a local cluster.
-    :param count: of processes of a local cluster.
-    :raises SceneError: when Dask is missing, or no scheduler answers.
+    :param count: number of processes of a local cluster.
+    :raises SceneError: if Dask is missing, or no scheduler answers.
     """
     try:
         from distributed import as_completed as in_turn
@@ -162,7 +162,7 @@ def dask_cluster(address: str, count: int) -> Iterator[Workers]:
         futures: Any = client.map(attempt, every, pure=False)
         numbers = {future.key: one.number for future, one in zip(futures, every)}
         for future in in_turn(futures):
-            error = future.exception()  # as when workers were killed under its hands
+            error = future.exception()  # for example after workers were killed
             yield (future.result() if error is None
                    else (numbers[future.key], None, f'{type(error).__name__}: {error}', []))
             future.release()

@@ -34,18 +34,18 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 
-CLAMPED, LOOSE = -1, -2  # stand in `Articulation.parent` for the ground and for nothing at all
+CLAMPED, LOOSE = -1, -2  # values of `Articulation.parent`: fixed to the ground, broken off
 
 
 @dataclass(frozen=True)
 class Springs:
     """
-    One degree of freedom of every joint: spring, damper, and where they stand.
+    One degree of freedom of every joint: spring, damper, and coordinate.
 
     :ivar stiffness: [N·m/rad] or [N/m], (S,); inf = locked.
     :ivar damping: [N·m·s/rad] or [N·s/m], (S,).
-    :ivar value: coordinate now [rad] or [m], (S,).
-    :ivar rest: coordinate at which the spring is free of load [rad] or [m], (S,).
+    :ivar value: present coordinate [rad] or [m], (S,).
+    :ivar rest: coordinate of the unloaded spring [rad] or [m], (S,).
     """
 
     stiffness: np.ndarray
@@ -63,9 +63,9 @@ class Articulation:
     z along the segment. Springs are those of the kernel, preloaded against the weight.
 
     :ivar part: part of each row, (S,).
-    :ivar bond: bond that is its joint, (S,).
-    :ivar parent: row that it hangs on, `CLAMPED` to the ground, or `LOOSE`: broken off, (S,).
-    :ivar reach: distance of the centre of mass from the joint along z, now [m], (S,).
+    :ivar bond: bond of its joint, (S,).
+    :ivar parent: parent row, `CLAMPED` to the ground, or `LOOSE`: broken off, (S,).
+    :ivar reach: present distance of the centre of mass from the joint along z [m], (S,).
     :ivar limit: largest bend [rad], (S,).
     :ivar bend_x, bend_y, twist, slide: the four degrees of freedom.
     """
@@ -95,16 +95,16 @@ class Articulation:
 
 def articulate(content: Content) -> Articulation:
     """
-    Lay out the joints of all trees that a scene holds.
+    Compute the joints of all trees in a scene.
 
-    :param content: rows whose part exists no more are left out.
+    :param content: rows of missing parts are omitted.
     """
     forest = Forest(content.blueprint, (0.0, 0.0, -content.gravity))
     model, parts = forest.model, forest.parts
     there = content.exists[parts]
     parent = np.where(content.holds[forest.bonds], forest.parents, LOOSE)
     values = _coordinates(content.poses[parts], forest.parents, model)
-    place = np.append(np.cumsum(there) - 1, [LOOSE, CLAMPED])  # looked up by -2 and -1, too
+    place = np.append(np.cumsum(there) - 1, [LOOSE, CLAMPED])  # indexed by -2 and -1, too
     extra, second = model.extra, EXTRA_STRIDE
     springs = (
         _springs(model.swing, STIFFNESS, DAMPING, PRELOAD_X, values[0]),
@@ -129,9 +129,9 @@ def _springs(table: np.ndarray, stiffness: int, damping: int, preload: int,
 def _coordinates(poses: np.ndarray, parent: np.ndarray,
                  model) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """
-    Read bends, twist [rad] and slide [m] of all joints from the poses of the segments.
+    Compute bends, twist [rad] and slide [m] of all joints from the poses of the segments.
 
-    Of a joint that holds no more, what comes out is not used.
+    The values of broken joints are not used.
     """
     rooted = parent < 0
     mount = model.mount.copy()

@@ -31,7 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     Run the command.
 
-    :param arguments: words after the command's name; the process's own when not given.
+    :param arguments: words after the command's name; default the process's own.
     :returns: exit code: 0 done, 1 it cannot be done, 2 invalid usage, 130 interrupted.
     """
     options = _parser().parse_args(arguments)

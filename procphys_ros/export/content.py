@@ -27,7 +27,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.simulation import Simulation
 
-Report = Callable[[float, float], None]  # how much of how much has been done
+Report = Callable[[float, float], None]  # amount done and total amount
 
 
 @dataclass(frozen=True)
@@ -37,13 +37,13 @@ class Content:
 
     :ivar blueprint: all parts and bonds; its poses are those at rest.
     :ivar objects: owners of the parts, in part order.
-    :ivar poses: centres of mass and attitudes now, world [m], (N, 7).
-    :ivar petioles: poses of all leaves now, world [m], (L, 7).
+    :ivar poses: present centres of mass and attitudes, world [m], (N, 7).
+    :ivar petioles: present poses of all leaves, world [m], (L, 7).
     :ivar broken: bonds that have broken, (M,) bool.
     :ivar gravity: downward acceleration [m/s²].
-    :ivar time: simulated time since the scene stood at rest [s].
+    :ivar time: simulated time since the start at rest [s].
     :ivar terrain: the surface of the ground.
-    :ivar paving: what covers it.
+    :ivar paving: of the ground.
     """
 
     blueprint: Blueprint
@@ -58,7 +58,7 @@ class Content:
 
     @classmethod
     def at_rest(cls, scene: Scene) -> 'Content':
-        """Read a scene as it was authored."""
+        """Read a scene as authored."""
         blueprint = scene.blueprint
         leaves = blueprint.leaves
         return cls(blueprint, scene.objects, blueprint.poses,
@@ -68,7 +68,7 @@ class Content:
 
     @classmethod
     def of(cls, simulation: Simulation) -> 'Content':
-        """Read a simulation as it is now; break events must not have been taken from its log."""
+        """Read a simulation in its present state; its log must hold all break events."""
         broken = np.zeros(len(simulation.blueprint.bonds), bool)
         bonds = simulation.events['bond']
         broken[bonds[bonds >= 0]] = True
@@ -83,7 +83,7 @@ class Content:
         Simulate a scene from rest and read it.
 
         :param time: [s]; 0 = at rest.
-        :param report: called after each step with the simulated time and the whole [s].
+        :param report: called after each step with the simulated and the total time [s].
         """
         if time == 0.0:
             return cls.at_rest(scene)
@@ -97,14 +97,14 @@ class Content:
 
     @cached_property
     def exists(self) -> np.ndarray:
-        """Return which parts have not been crushed or split into others, (N,) bool."""
+        """Mark the parts that have not been crushed or split into others, (N,) bool."""
         return np.isfinite(self.poses).all(axis=1)
 
     @cached_property
     def holds(self) -> np.ndarray:
-        """Return which bonds still hold parts that exist, (M,) bool."""
+        """Mark the bonds that still hold existing parts, (M,) bool."""
         first, second = self.blueprint.bonds.T
-        there = np.append(self.exists, True)  # the last entry stands for the ground
+        there = np.append(self.exists, True)  # the last entry is the ground
         return ~self.broken & there[first] & there[second]
 
     @cached_property
@@ -115,12 +115,12 @@ class Content:
 
     @property
     def textures(self) -> tuple[str, ...]:
-        """Names that the texture columns of the blueprint refer to; there is at least one."""
+        """Names for the texture columns of the blueprint; there is at least one."""
         return self.blueprint.textures or ('plain',)
 
     @cached_property
     def owner(self) -> np.ndarray:
-        """Place of each part's object in `objects`, (N,) int."""
+        """Index of each part's object in `objects`, (N,) int."""
         return np.repeat(np.arange(len(self.objects)), [o.count for o in self.objects])
 
     @cached_property
@@ -134,7 +134,7 @@ class Content:
         """
         Frames of all bonds in the frames of their two parts, or of the world, [m], (2, M, 7).
 
-        Of a bond that holds, both are the same place in the world.
+        Both frames of an unbroken bond coincide in the world.
         """
         blueprint = self.blueprint
         first, second = blueprint.bonds.T

@@ -26,7 +26,7 @@ from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
 
 _USD = ('usd', 'write_usd')
-# Suffix: module and function in it. Imported late: USD asks for a package of its own.
+# Suffix: module and function in it. Imported late: USD requires an optional package.
 _WRITERS = {'.usda': _USD, '.usdc': _USD, '.xml': ('mjcf', 'write_mjcf'),
             '.urdf': ('urdf', 'write_urdf'), '.sdf': ('sdf', 'write_sdf'),
             '.glb': ('gltf', 'write_gltf')}
@@ -45,13 +45,13 @@ def _silent(done: float, whole: float) -> None:
 def export(source: Scene | Simulation, path: str | Path, time: float = 0.0,
            report: Report = _silent) -> None:
     """
-    Write a scene, or a simulation as it is, in the format that the suffix of the file names.
+    Write a scene, or a simulation in its present state, in the format of the file's suffix.
 
     :param source: a scene, which is simulated from rest, or a simulation, which is only read.
     :param path: file that ends in one of `SUFFIXES`.
-    :param time: how long to simulate a scene first [s].
-    :param report: called with how much of how much has been done, first simulated, then written.
-    :raises ExportError: when the file cannot be written, a package is missing, or the time is out
+    :param time: simulated time of a scene before the export [s].
+    :param report: called with the amount done and the total, first of simulation, then of writing.
+    :raises ExportError: if the file cannot be written, a package is missing, or the time is out
         of range.
     """
     target = Path(path)
@@ -70,15 +70,15 @@ def export(source: Scene | Simulation, path: str | Path, time: float = 0.0,
 def export_animation(scene: Scene, path: str | Path, start: float, end: float,
                      fps: float = 30.0, report: Report = _silent) -> None:
     """
-    Simulate a scene from rest and write how it moves, as USD time samples.
+    Simulate a scene from rest and write its motion, as USD time samples.
 
-    :param scene: what to simulate.
+    :param scene: to simulate.
     :param path: file that ends in .usda or .usdc.
-    :param start: first moment that is written [s].
-    :param end: last moment that is written [s].
+    :param start: first written moment [s].
+    :param end: last written moment [s].
     :param fps: moments per second.
-    :param report: called with the simulated time and the whole [s].
-    :raises ExportError: as by `export`, and when the file is no USD.
+    :param report: called with the simulated and the total time [s].
+    :raises ExportError: as by `export`, and if the file is not USD.
     """
     target = Path(path)
     if target.suffix.lower() not in _ANIMATED and target.suffix.lower() in SUFFIXES:
@@ -95,9 +95,9 @@ def export_animation(scene: Scene, path: str | Path, start: float, end: float,
 
 def check_target(path: str | Path) -> None:
     """
-    Say what is wrong with a file to write, before anything is simulated for it.
+    Validate the path of an output file, before simulation.
 
-    :raises ExportError: when its suffix is unknown, its package missing, or its place barred.
+    :raises ExportError: if its suffix is unknown, its package missing, or it is not writable.
     """
     _writer(Path(path))
 

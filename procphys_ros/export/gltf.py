@@ -30,13 +30,13 @@ from procphys_ros.palette import look
 
 _FLOAT, _UINT, _UBYTE = 5126, 5125, 5121  # component types
 _VERTICES, _INDICES = 34962, 34963        # targets of buffer views
-_Z_TO_Y = [-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # glTF has y up
+_Z_TO_Y = [-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # glTF's y axis is up
 _ROUGHNESS = 0.9
-_JSON, _BIN = 0x4E4F534A, 0x004E4942      # kinds of chunks
+_JSON, _BIN = 0x4E4F534A, 0x004E4942      # types of chunks
 
 
 class _Binary:
-    """The single buffer of a GLB, with what describes it."""
+    """The single buffer of a GLB, with its views and accessors."""
 
     def __init__(self) -> None:
         self.views: list[dict[str, Any]] = []
@@ -45,7 +45,7 @@ class _Binary:
         self._length = 0
 
     def add(self, data: bytes, **view: int) -> int:
-        """Append bytes as a buffer view; give its index."""
+        """Append bytes as a buffer view; return its index."""
         padded = data + bytes(-len(data) % 4)
         self.views.append({'buffer': 0, 'byteOffset': self._length, 'byteLength': len(data),
                            **view})
@@ -55,7 +55,7 @@ class _Binary:
 
     def accessor(self, rows: np.ndarray, component: int, kind: str, target: int,
                  **more: Any) -> int:
-        """Append an array; give the index of its accessor."""
+        """Append an array; return the index of its accessor."""
         view = self.add(rows.tobytes(), target=target)
         self.accessors.append({'bufferView': view, 'componentType': component,
                                'count': len(rows), 'type': kind, **more})
@@ -67,9 +67,9 @@ class _Binary:
 
 def write_gltf(content: Content, path: Path, report: Report) -> None:
     """
-    Write a scene, one node per object, with all textures inside.
+    Write a scene, one node per object, with embedded textures.
 
-    :param content: what to write.
+    :param content: to write.
     :param path: file that ends in .glb.
     :param report: called as objects are written.
     """
@@ -148,7 +148,7 @@ def _material(name: str, leaf: bool, texture: int) -> dict[str, Any]:
 
 
 def _container(document: bytes, data: bytes) -> bytes:
-    """Put the chunks behind the header of a GLB."""
+    """Join the header of a GLB and its chunks."""
     document += b' ' * (-len(document) % 4)
     chunks = struct.pack('<II', len(document), _JSON) + document
     if data:

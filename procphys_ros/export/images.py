@@ -30,7 +30,7 @@ def pixels(name: str) -> np.ndarray:
     """
     Colour the image of a texture, (P, P, 4) uint8; the first row is the upper edge.
 
-    :param name: texture name as a grammar wrote it; a plain one gets a single pixel.
+    :param name: texture name in the grammar; a plain one gets a single pixel.
     """
     appearance = look(name)
     pattern = texture.image(appearance.pattern)
@@ -42,7 +42,7 @@ def pixels(name: str) -> np.ndarray:
 
 
 def has_holes(name: str) -> bool:
-    """Return whether a texture is cut out, as those of leaves are."""
+    """Return whether a texture is cut out, like those of leaves."""
     pattern = texture.image(look(name).pattern)
     return pattern is not None and bool((pattern[..., 3] < _CUT).any())
 

@@ -28,29 +28,29 @@ from procphys_ros.hexahedron import write_hulls
 
 WORLD = 'world'
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
-# Of the link between the two hinges of a joint, over its segment: no parser takes links without
-# mass, and a solver must not notice it.
+# Of the link between the two hinges of a joint, over its segment: no parser accepts links without
+# mass, and the effect on a solver must be negligible.
 _MIDDLE_SHARE = 1e-3
 
 
 @dataclass(frozen=True)
 class Link:
     """
-    What one joint moves.
+    The link moved by one joint.
 
     :ivar name: unique in the scene.
-    :ivar parent: name of the link that it hangs on, or `WORLD`.
-    :ivar frame: its joint now, world [m], (7,); the origin of the link.
+    :ivar parent: name of the parent link, or `WORLD`.
+    :ivar frame: present joint frame, world [m], (7,); the origin of the link.
     :ivar axis: of the hinge, in that frame, (3,); None = fixed.
     :ivar reach: from the joint to the centre of mass, along z [m].
     :ivar mass: [kg].
     :ivar inertia: about the centre of mass, in that frame [kg·m²], (3,).
-    :ivar part: part that it shows and collides as; -1 = none.
-    :ivar owner: name of the object that it belongs to.
-    :ivar limits: smallest and largest angle from now [rad].
+    :ivar part: part for visual and collision; -1 = none.
+    :ivar owner: name of its object.
+    :ivar limits: smallest and largest angle from the present one [rad].
     :ivar stiffness: [N·m/rad].
     :ivar damping: [N·m·s/rad].
-    :ivar rest: angle from now at which the spring carries nothing [rad].
+    :ivar rest: angle from the present one of the unloaded spring [rad].
     """
 
     name: str
@@ -87,9 +87,9 @@ class Solid:
 
 def meshes(content: Content, path: Path) -> dict[int, str]:
     """
-    Write the hexahedra that exist into a folder beside a file, those alike once.
+    Write existing hexahedra as mesh files in a folder, one for equal ones.
 
-    :param path: of the file.
+    :param path: of the exported file.
     :returns: mesh file of each such part, relative to the folder of `path`.
     """
     solids = content.blueprint.hexahedra
@@ -110,9 +110,9 @@ def meshes(content: Content, path: Path) -> dict[int, str]:
 
 def solid(content: Content, part: int, mesh: str = '') -> Solid:
     """
-    Give the shape of a part; tapered segments become cylinders of their middle diameter.
+    Return the shape of a part; tapered segments become cylinders of their middle diameter.
 
-    :param mesh: its file, see `meshes`; '' = it has none.
+    :param mesh: its file, see `meshes`; '' = none.
     """
     size = content.blueprint.visual_size[part]
     if mesh:
@@ -124,10 +124,10 @@ def solid(content: Content, part: int, mesh: str = '') -> Solid:
 
 def tree_links(content: Content, joints: Articulation) -> Iterator[Link]:
     """
-    Walk the segments of all trees, two hinges each, parents first.
+    Yield the links of all trees, two hinges per segment, parents first.
 
-    Angles count from the bends that the joints have now. What has broken off, and what the
-    kernel does not let bend, is fixed.
+    Angles are relative to the present bends of the joints. Broken-off segments, and joints that
+    the kernel does not bend, are fixed.
     """
     names = [content.full_names[part].replace('/', '_') for part in joints.part]
     for row, (part, parent) in enumerate(zip(joints.part.tolist(), joints.parent)):
@@ -155,13 +155,13 @@ def tree_links(content: Content, joints: Articulation) -> Iterator[Link]:
 
 
 def _first_axis(joints: Articulation, row: int) -> np.ndarray:
-    """Give the axis of the first hinge in the frame that the second has turned already."""
+    """Return the axis of the first hinge in the frame rotated by the second."""
     back = rotation.from_axis_angle(_Y, -joints.bend_y.value[row])
     return rotation.rotate(back, _X)
 
 
 def static_parts(content: Content, joints: Articulation) -> Iterator[tuple[str, np.ndarray]]:
-    """Give name and parts (K,) of every object's share that is no branch of a tree."""
+    """Yield the name of every object with its parts (K,) that are not branches of trees."""
     rigid = content.exists.copy()
     rigid[joints.part] = False
     for number, owner in enumerate(content.objects):

@@ -22,11 +22,11 @@ import numpy as np
 
 from procphys_ros.output_files import write_beside
 
-_DIGITS = 9  # significant, of every number written: nanometres on a metre
+_DIGITS = 9  # significant, of every number written: nanometres per metre
 
 
 def text(*values: float) -> str:
-    """Write numbers with spaces in between; zero has no sign."""
+    """Format numbers separated by spaces; zero has no sign."""
     return ' '.join(f'{value + 0.0:.{_DIGITS}g}' for value in values)
 
 
@@ -36,7 +36,7 @@ def child(parent: ElementTree.Element, tag: str, content: str | None = None,
     Append an element.
 
     :param content: its text.
-    :param attributes: a trailing _ is cut off, so that `type_` and `class_` can be named.
+    :param attributes: a trailing _ is removed, for names such as `type_` and `class_`.
     """
     element = ElementTree.SubElement(
         parent, tag, {key.rstrip('_'): value for key, value in attributes.items()})
@@ -58,13 +58,13 @@ def write(root: ElementTree.Element, path: Path, note: str) -> None:
 
 def roll_pitch_yaw(attitude: np.ndarray) -> np.ndarray:
     """
-    Turn a quaternion into turns about the fixed axes x, y, z in this order [rad], (3,).
+    Convert a quaternion to rotations about the fixed axes x, y, z in this order [rad], (3,).
 
     :param attitude: xyzw, (4,).
     """
     x, y, z, w = attitude
     pitch = np.clip(2.0 * (w * y - z * x), -1.0, 1.0)
-    if abs(pitch) > 1.0 - 1e-12:  # straight up or down: yaw is taken as zero
+    if abs(pitch) > 1.0 - 1e-12:  # straight up or down: yaw is set to zero
         return np.array([2.0 * np.arctan2(x, w), np.arcsin(pitch), 0.0])
     return np.array([np.arctan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y)),
                      np.arcsin(pitch),
@@ -72,7 +72,7 @@ def roll_pitch_yaw(attitude: np.ndarray) -> np.ndarray:
 
 
 def unlike(name: str, taken: Container[str]) -> str:
-    """Give a name that is not taken: the one given, or one with underscores behind it."""
+    """Return an unused name: the given one, with underscores appended if necessary."""
     while name in taken:
         name += '_'
     return name

@@ -27,13 +27,13 @@ from procphys_ros.export.markup import child, text, write
 from procphys_ros.palette import rgba
 from procphys_ros.physics.terrain import Terrain
 
-_TIME_STEP = 0.002  # [s], longest; MuJoCo's own default
+_TIME_STEP = 0.002  # [s] longest; MuJoCo's own default
 _STEPS_PER_RADIAN = 4.0  # of the fastest joint: MuJoCo steps springs explicitly
 # Mortar: time constant [s] and damping ratio, two time steps; impedance so high that a wall of 24
 # courses sinks by 5 µm (MuJoCo's default 0.9 lets it sink by 5 mm).
 _WELD = {'solref': '0.004 1', 'solimp': '0.9999 0.9999 0.001'}
-_THINNEST = 0.1  # [m] of hills, and of what is below the lowest point of a height field
-_TREE, _SOLID = '2', '1'  # contact types: trees meet what is solid, but not each other
+_THINNEST = 0.1  # [m] of hills, and of the base below the lowest point of a height field
+_TREE, _SOLID = '2', '1'  # contact types: trees collide with solids, but not with each other
 _NOTE = 'Units: m, kg, s, rad. Bodies sit at centres of mass; springs are preloaded by weight.'
 
 
@@ -41,7 +41,7 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
     """
     Write a MuJoCo model.
 
-    :param content: what to write.
+    :param content: to write.
     :param path: file that ends in .xml.
     :param report: called as bodies are written.
     """
@@ -112,7 +112,7 @@ def _trees(content: Content, joints: Articulation,
 
 
 def _hinges(joints: Articulation, row: int, body: ElementTree.Element) -> None:
-    """Add the degrees of freedom of a joint as they stand, outermost first."""
+    """Add the degrees of freedom of a joint at their present values, outermost first."""
     turn = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]), -joints.twist.value[row])
     tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), -joints.bend_y.value[row])
     axes = {'bend_x': rotation.rotate(rotation.multiply(turn, tilt), np.array([1.0, 0.0, 0.0])),
@@ -133,7 +133,7 @@ def _hinges(joints: Articulation, row: int, body: ElementTree.Element) -> None:
 
 
 def _hulls(content: Content, assets: ElementTree.Element) -> dict[int, str]:
-    """Write the corners of hexahedra as meshes; give the mesh of each such part."""
+    """Write the corners of hexahedra as meshes; return the mesh of each such part."""
     solids = content.blueprint.hexahedra
     names = {part: f'hull_{part}' for part in solids.part.tolist()}
     for name, corners in zip(names.values(), solids.corners.round(9)):
@@ -143,7 +143,7 @@ def _hulls(content: Content, assets: ElementTree.Element) -> dict[int, str]:
 
 def _bricks(content: Content, joints: Articulation, world: ElementTree.Element,
             report: Report, hulls: dict[int, str]) -> None:
-    """Add every part that is no branch as a free body."""
+    """Add every part that is not a branch as a free body."""
     mine = content.exists.copy()
     mine[joints.part] = False
     parts = np.flatnonzero(mine)
@@ -155,7 +155,7 @@ def _bricks(content: Content, joints: Articulation, world: ElementTree.Element,
 
 
 def _welds(content: Content, equality: ElementTree.Element) -> None:
-    """Tie what mortar still ties; a weld can be cut at run time by `eq_active`."""
+    """Weld unbroken mortar bonds; a weld can be cut at run time by `eq_active`."""
     names, anchors = content.full_names, content.bond_seats[0, :, :3]
     whole = content.holds & (content.blueprint.bond_law == Law.MORTAR)
     for bond in np.flatnonzero(whole).tolist():

@@ -27,7 +27,7 @@ from procphys_ros.palette import rgba
 from procphys_ros.physics.terrain import Terrain
 
 _VERSION = '1.10'  # of Gazebo Garden and later: joints between a model and the world
-_GROUND = 500.0  # [m] edge of the ground as it is drawn; collisions reach further
+_GROUND = 500.0  # [m] edge of the ground as drawn; collisions reach farther
 _HERE = np.array([0.0, 0.0, 0.0, 1.0])
 _BASE = 'base'       # link of a model that its trees stand on, fixed to the world
 _BASE_MASS = 1.0     # [kg], without any effect
@@ -36,9 +36,9 @@ _NOTE = 'Units: m, kg, s, rad. Joint angles are 0 at the moment of the export.'
 
 def write_sdf(content: Content, path: Path, report: Report) -> None:
     """
-    Write a world with one model per object, trees and rigid parts apart.
+    Write a world with one model per object, trees separate from rigid parts.
 
-    :param content: what to write.
+    :param content: to write.
     :param path: file that ends in .sdf.
     :param report: called as links are written.
     """
@@ -68,14 +68,14 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
 
 
 def _new(name: str, taken: set[str]) -> str:
-    """Give a name for a model that nothing in the world has."""
+    """Return an unused model name."""
     name = unlike(name, taken)
     taken |= {name, f'{name}_anchor'}
     return name
 
 
 def _ground(world: ElementTree.Element, terrain: Terrain, path: Path) -> None:
-    """Write a plane, or a mesh that lies in a file beside the world."""
+    """Write a plane, or a mesh in a separate file."""
     model = child(world, 'model', name='ground')
     child(model, 'static', 'true')
     link = child(model, 'link', name='plane')
@@ -92,7 +92,7 @@ def _ground(world: ElementTree.Element, terrain: Terrain, path: Path) -> None:
 
 
 def _hills(terrain: Terrain, path: Path) -> Path:
-    """Write the mesh of a terrain beside a world, and give its file."""
+    """Write the mesh of a terrain to a separate file, and return its path."""
     points, triangles = terrain.mesh()
     lines = [f'v {x:.6g} {y:.6g} {z:.6g}' for x, y, z in points.tolist()]
     lines += [f'f {a} {b} {c}' for a, b, c in (triangles + 1).tolist()]
@@ -105,7 +105,7 @@ def _tree_model(name: str, world: ElementTree.Element) -> ElementTree.Element:
     """
     Begin a model whose base is fixed to the world.
 
-    The joint stands in the world, because PyBullet knows no joints to the world inside models.
+    The joint is in the world, because PyBullet has no joints to the world inside models.
     """
     model = child(world, 'model', name=name)
     inertial = child(child(model, 'link', name=_BASE), 'inertial')
@@ -155,7 +155,7 @@ def _joint(link: Link, model: ElementTree.Element) -> None:
 
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
            mesh: str = '') -> None:
-    """Show and collide a part at a pose in the frame of its link."""
+    """Add visual and collision of a part at a pose in the frame of its link."""
     form = solid(content, part, mesh)
     for use in ('visual', 'collision'):
         element = child(link, use, name=f'{content.part_names[part]}_{use}')

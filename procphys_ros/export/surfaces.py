@@ -38,10 +38,10 @@ class Surface:
     One mesh of one texture.
 
     :ivar owner: name of the object, or 'mortar'.
-    :ivar texture: its name.
+    :ivar texture: name of the texture.
     :ivar mesh: triangles, world.
     :ivar tone: brightness of each vertex over that of the texture, (V,).
-    :ivar leaf: whether it is seen from both sides.
+    :ivar leaf: whether it is two-sided.
     """
 
     owner: str
@@ -52,7 +52,7 @@ class Surface:
 
 
 def surfaces(content: Content) -> Iterator[Surface]:
-    """Build the meshes of all that exists, object by object, then the mortar between bricks."""
+    """Build the meshes of all existing parts by object, then the mortar between bricks."""
     blueprint = content.blueprint
     first = first_pieces(blueprint)
     leaf_owner = content.owner[blueprint.leaves.part]
@@ -76,7 +76,7 @@ def surfaces(content: Content) -> Iterator[Surface]:
 
 def _solids(content: Content, owner: str, parts: np.ndarray, first: np.ndarray
             ) -> Iterator[Surface]:
-    """Build parts; each piece of a brick, whose first one `first` tells, has one tone."""
+    """Build parts; all pieces of a brick with the same `first` one have one tone."""
     blueprint = content.blueprint
     for index in np.unique(blueprint.texture[parts]):
         mine = parts[blueprint.texture[parts] == index]
@@ -85,7 +85,7 @@ def _solids(content: Content, owner: str, parts: np.ndarray, first: np.ndarray
 
 
 def _mortar(content: Content) -> Iterator[Surface]:
-    """Build the mortar between bricks, and what fills the corners of walls."""
+    """Build the mortar between bricks, and the fill of wall corners."""
     blueprint = content.blueprint
     place, size = joints.standing(blueprint, content.poses, content.exists)
     if len(place):
@@ -120,7 +120,7 @@ def _twigs(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
 
 def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
              leaf: bool = False) -> Surface:
-    """Give every piece a tone of its own, by its row, so that it keeps it for life."""
+    """Assign every piece a tone by its row, constant over time."""
     variation = look(texture).variation
     tone = 1.0 + variation * np.random.default_rng(1).uniform(-1.0, 1.0, int(rows.max()) + 1)
     length = np.linalg.norm(built.normals, axis=1, keepdims=True)

@@ -27,16 +27,16 @@ from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, writ
 from procphys_ros.palette import rgba
 
 _HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-_UNLIMITED = 1e9  # [N·m], [rad/s]; URDF asks for a bound
+_UNLIMITED = 1e9  # [N·m], [rad/s]; URDF requires a bound
 _NOTE = ('Units: m, kg, s, rad. Joint angles are 0 at the moment of the export. Springs stand in '
          'the gazebo elements; they are preloaded by weight.')
 
 
 def write_urdf(content: Content, path: Path, report: Report) -> None:
     """
-    Write a URDF robot whose root link is the world.
+    Write a URDF robot with the world as root link.
 
-    :param content: what to write.
+    :param content: to write.
     :param path: file that ends in .urdf.
     :param report: called as links are written.
     """
@@ -103,7 +103,7 @@ def _attach(name: str, seat: np.ndarray, robot: ElementTree.Element, parent: str
 
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
            mesh: str = '') -> None:
-    """Show and collide a part at a pose in the frame of its link."""
+    """Add visual and collision of a part at a pose in the frame of its link."""
     form, name = solid(content, part, mesh), content.part_names[part]
     for use in ('visual', 'collision'):
         element = child(link, use, name=name)

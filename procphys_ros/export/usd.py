@@ -49,15 +49,15 @@ from procphys_ros.physics.terrain import Terrain
 
 ROOT = '/World'
 _PROTOTYPES = '/Prototypes'
-_GROUND_SIZE = 500.0  # [m] as it is drawn; the plane that collides has no end
+_GROUND_SIZE = 500.0  # [m] as drawn; the collision plane is infinite
 
 
 def write_usd(content: Content, path: Path, report: Report) -> None:
     """
     Write a scene with its physics.
 
-    :param content: what to write.
-    :param path: file that ends in .usda (text) or .usdc (binary); textures go beside it.
+    :param content: to write.
+    :param path: file that ends in .usda (text) or .usdc (binary); textures are written beside it.
     :param report: called as parts are written.
     """
     with Sdf.ChangeBlock():
@@ -80,7 +80,7 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
 
 
 def _roots(content: Content) -> list[str]:
-    """Give the path of each object, none of them that of the ground or of another one."""
+    """Return unique paths of the objects, different from those of the ground and others."""
     taken = {'physics', 'ground', 'materials', 'trees',
              *(f'paving_{number}' for number in range(len(content.paving)))}
     names = []
@@ -98,7 +98,7 @@ def _physics(layer: Layer, gravity: float) -> None:
 
 def add_ground(layer: Layer, materials: Materials, terrain: Terrain,
                paving: Sequence[Paving]) -> None:
-    """Write the ground, a plane or a mesh that bodies collide with, and what is only seen."""
+    """Write the ground, a plane or a mesh for collision, and visual-only surfaces."""
     for number, one in enumerate(paving):
         add_mesh(layer, f'{ROOT}/paving_{number}', paved(one), materials.path(one.texture))
     if not terrain.is_flat:
@@ -133,7 +133,7 @@ def _segments(layer: Layer, materials: Materials, content: Content, joints: Arti
 
 def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[str],
             roots: list[str]) -> None:
-    """Hang the segments of each tree on a base that is fixed to the world."""
+    """Attach the segments of each tree to a base that is fixed to the world."""
     bases: dict[int, tuple[str, np.ndarray]] = {}
     for row in np.flatnonzero(joints.parent != LOOSE).tolist():
         part, parent = int(joints.part[row]), int(joints.parent[row])
@@ -155,7 +155,7 @@ def _hinges(layer: Layer, content: Content, joints: Articulation, paths: list[st
 
 def _bricks(layer: Layer, materials: Materials, content: Content, joints: Articulation,
             paths: list[str], report: Report) -> None:
-    """Write all parts that are no branches as instances of their shapes."""
+    """Write all parts that are not branches as instances of their shapes."""
     shapes = Prototypes(layer, _PROTOTYPES, content, materials)
     mine = content.exists.copy()
     mine[joints.part] = False
@@ -168,7 +168,7 @@ def _bricks(layer: Layer, materials: Materials, content: Content, joints: Articu
 
 
 def _welds(layer: Layer, content: Content, paths: list[str], report: Report) -> None:
-    """Tie what mortar still ties by joints that break."""
+    """Join unbroken mortar bonds by breakable fixed joints."""
     blueprint, (one, other) = content.blueprint, content.bond_seats
     bonds = np.flatnonzero(content.holds & (blueprint.bond_law == Law.MORTAR))
     force, torque = mortar_limits(blueprint)

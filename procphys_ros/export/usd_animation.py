@@ -28,18 +28,18 @@ from procphys_ros.export.usd_shapes import add_mesh, foliage, Materials
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
-_SOON = 1e-9  # [s], rounding of times
+_SOON = 1e-9  # [s] rounding of times
 
 
 class _Group:
     """
-    Parts that came to the scene together, as one point instancer.
+    Parts that joined the scene together, as one point instancer.
 
-    :param layer: where it is written.
+    :param layer: to write to.
     :param materials: of the scene.
-    :param content: the scene when the parts came.
-    :param first: first of the parts; all behind it belong to the group.
-    :param code: time code of their first appearance; None = they have always been there.
+    :param content: the scene when the parts joined.
+    :param first: first of the parts; all after it belong to the group.
+    :param code: time code of their first appearance; None = from the start.
     """
 
     def __init__(self, layer: Layer, materials: Materials, content: Content, first: int,
@@ -68,14 +68,14 @@ class _Group:
 
     def sample(self, poses: np.ndarray, code: float) -> None:
         """
-        Write where the parts are.
+        Write the present poses of the parts.
 
         :param poses: of all parts, world [m], (N, 7); not finite = gone.
         :param code: time code.
         """
         mine = poses[self._parts]
         there = np.isfinite(mine).all(axis=1)
-        self._places[there] = mine[there]  # what is gone stays where it was, out of sight
+        self._places[there] = mine[there]  # parts that are gone keep their positions, invisible
         points = self._places[:, :3]
         self._layer.sample(f'{self._path}.positions', code, vectors(points))
         self._layer.sample(f'{self._path}.orientations', code, Vt.QuathArray.FromNumpy(
@@ -89,7 +89,7 @@ class _Group:
                                Vt.Int64Array.FromNumpy(gone.astype(np.int64)))
 
     def _shapes(self, content: Content) -> list[str]:
-        """Write the prototypes; give the path of each part's own."""
+        """Write the prototypes; return the path of each part's prototype."""
         blueprint = content.blueprint
         carries = np.zeros(len(blueprint), bool)
         carries[blueprint.leaves.part] = carries[blueprint.ornaments.part] = True
@@ -124,13 +124,13 @@ def write_animation(scene: Scene, path: Path, start: float, end: float, fps: flo
     """
     Simulate a scene from rest and write a part of the run.
 
-    Leaves ride on their branches: they neither flutter nor fall.
+    Leaves are carried by their branches: they neither flutter nor fall.
 
-    :param path: file that ends in .usda or .usdc; textures go beside it.
+    :param path: file that ends in .usda or .usdc; textures are written beside it.
     :param start: first moment [s].
     :param end: last moment [s].
-    :param fps: moments per second; time codes count them.
-    :param report: called with the simulated time and the whole [s].
+    :param fps: moments per second, the unit of time codes.
+    :param report: called with the simulated and the total time [s].
     """
     simulation = Simulation(scene)
     layer = Layer(ROOT)

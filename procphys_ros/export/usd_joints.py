@@ -25,20 +25,20 @@ from procphys_ros.export.content import Content
 from procphys_ros.export.usd_layer import Layer, place, put, quaternion, relate
 from procphys_ros.physics.trees.breaks import section_modulus
 
-_BASE_MASS = 1.0  # [kg], without any effect: the base is fixed
+_BASE_MASS = 1.0  # [kg] without any effect: the base is fixed
 _HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _SHUT = (1.0, -1.0)  # limits that lock a degree of freedom: the lower one is the larger
-_DEGREE = np.pi / 180.0  # [rad]; USD's angular drives count in degrees
+_DEGREE = np.pi / 180.0  # [rad]; USD's angular drives use degrees
 
 
 def add_base(layer: Layer, root: str, frame: np.ndarray) -> tuple[str, np.ndarray]:
     """
-    Write what the trees of an object stand on: a body that is fixed to the world.
+    Write the base of an object's trees: a body that is fixed to the world.
 
     The joint to the world is the root of the articulation.
 
     :param root: path of the object.
-    :param frame: where its first tree is rooted, world [m], (7,).
+    :param frame: of its first tree's root, world [m], (7,).
     :returns: path and pose of the body.
     """
     path, pose = f'{root}/base', np.concatenate([frame[:3], _HERE[3:]])
@@ -56,7 +56,7 @@ def add_base(layer: Layer, root: str, frame: np.ndarray) -> tuple[str, np.ndarra
 def add_hinge(layer: Layer, path: str, bodies: Sequence[str], mount: np.ndarray,
               content: Content, joints: Articulation, row: int) -> None:
     """
-    Write the joint of a segment: limits and drives about x and y, the rest locked or sprung.
+    Write the joint of a segment: limits and drives about x and y, the others locked or sprung.
 
     :param bodies: paths of the parent and of the segment.
     :param mount: the joint at rest, in the frame of the parent [m], (7,).
@@ -94,8 +94,8 @@ def add_weld(layer: Layer, path: str, bodies: Sequence[str], seats: Sequence[np.
 
     :param bodies: paths of two bodies; '' = the world.
     :param seats: the joint in the frames of both [m], (7,) each.
-    :param force: that breaks it [N].
-    :param torque: that breaks it [N·m].
+    :param force: breaking force [N].
+    :param torque: breaking torque [N·m].
     """
     joint = layer.prim(path, 'PhysicsFixedJoint')
     for number, body in enumerate(bodies):
@@ -107,7 +107,7 @@ def add_weld(layer: Layer, path: str, bodies: Sequence[str], seats: Sequence[np.
 
 
 def pass_through(layer: Layer, path: str, roots: Sequence[str]) -> None:
-    """Let the bodies below some prims pass through each other, as crowns of trees do here."""
+    """Disable collisions between the bodies below some prims, as between crowns of trees."""
     group = layer.prim(path, 'PhysicsCollisionGroup', ['CollectionAPI:colliders'])
     relate(group, 'collection:colliders:includes', roots)
     relate(group, 'physics:filteredGroups', [path])
@@ -115,10 +115,10 @@ def pass_through(layer: Layer, path: str, roots: Sequence[str]) -> None:
 
 def mortar_limits(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
     """
-    Give the force [N] and moment [N·m] that break each mortar bond, (M,) each; inf elsewhere.
+    Return the force [N] and moment [N·m] that break each mortar bond, (M,) each; inf elsewhere.
 
-    A joint of UsdPhysics knows one number each, not the law of `physics.masonry.strength`: these
-    are the pull or shear that an unpressed bond bears, and the moment about its weaker side.
+    A joint of UsdPhysics has one number each, not the law of `physics.masonry.strength`: these
+    are the pull or shear capacity of an uncompressed bond, and the moment about its weaker side.
     """
     mortar = blueprint.bond_law == Law.MORTAR
     force, torque = np.full((2, len(mortar)), np.inf)
@@ -130,7 +130,7 @@ def mortar_limits(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _hinge_limits(blueprint: Blueprint, bond: int) -> tuple[float, float]:
-    """Give the force [N] and moment [N·m] that break a branch: the lesser of bend and twist."""
+    """Return the force [N] and moment [N·m] that break a branch: the lesser of bend and twist."""
     row = np.count_nonzero(blueprint.bond_law[:bond] == Law.HINGE)
     hinges = blueprint.hinges
     bending = hinges.strength[row] * section_modulus(blueprint.bond_extent[bond, 0])

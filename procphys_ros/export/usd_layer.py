@@ -54,7 +54,7 @@ class Layer:
 
         :param path: absolute; its parents exist.
         :param kind: schema type, such as Xform.
-        :param apis: API schemas that are applied, with instance names behind a colon.
+        :param apis: applied API schemas, with instance names after a colon.
         :param specifier: def or class.
         """
         spec = Sdf.CreatePrimInLayer(self._layer, path)
@@ -69,7 +69,7 @@ class Layer:
 
     def sample(self, path: str, code: float, value: Any) -> None:
         """
-        Give an attribute a value at a time.
+        Set the value of an attribute at a time.
 
         :param path: of the attribute.
         :param code: time code.
@@ -78,14 +78,14 @@ class Layer:
 
     def write(self, path: Path) -> None:
         """
-        Write the layer; the suffix chooses between text (.usda) and binary (.usdc).
+        Write the layer; the suffix selects text (.usda) or binary (.usdc).
 
-        :raises OSError: when the file cannot be written.
+        :raises OSError: if the file cannot be written.
         """
         write_beside(path, self._export)
 
     def _export(self, path: Path) -> None:
-        path.open('wb').close()  # tells why it cannot be, which USD does not
+        path.open('wb').close()  # raises the reason, which USD does not
         try:
             done = self._layer.Export(str(path))
         except Tf.ErrorException:  # many lines, and not always the reason
@@ -98,10 +98,10 @@ class Layer:
 
 def put(spec: Sdf.PrimSpec, kind: str, name: str, value: Any, uniform: bool = False) -> Any:
     """
-    Give a prim an attribute.
+    Add an attribute to a prim.
 
     :param kind: type as in a .usda file, such as float or point3f[].
-    :param value: its default; None for one that has time samples only.
+    :param value: its default; None for one with time samples only.
     :param uniform: whether it never has time samples.
     """
     variability = Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying
@@ -112,7 +112,7 @@ def put(spec: Sdf.PrimSpec, kind: str, name: str, value: Any, uniform: bool = Fa
 
 
 def relate(spec: Sdf.PrimSpec, name: str, targets: Iterable[str]) -> None:
-    """Give a prim a relationship."""
+    """Add a relationship to a prim."""
     relationship = Sdf.RelationshipSpec(spec, name, False)
     for target in targets:
         relationship.targetPathList.explicitItems.append(target)
@@ -120,9 +120,9 @@ def relate(spec: Sdf.PrimSpec, name: str, targets: Iterable[str]) -> None:
 
 def refer(spec: Sdf.PrimSpec, other: str, instance: bool = False) -> None:
     """
-    Let a prim be what another one in the same layer is.
+    Add a reference to another prim of the same layer.
 
-    :param instance: whether all that do so share it, and none changes it.
+    :param instance: whether the referencing prims share it unchanged.
     """
     spec.referenceList.prependedItems.append(Sdf.Reference('', other))
     if instance:
@@ -131,7 +131,7 @@ def refer(spec: Sdf.PrimSpec, other: str, instance: bool = False) -> None:
 
 def place(spec: Sdf.PrimSpec, pose: np.ndarray, scale: np.ndarray | None = None) -> None:
     """
-    Put a prim somewhere in its parent.
+    Set the transform of a prim in its parent.
 
     :param pose: x y z qx qy qz qw [m], (7,).
     :param scale: along its own axes, (3,); None = 1.
@@ -146,17 +146,17 @@ def place(spec: Sdf.PrimSpec, pose: np.ndarray, scale: np.ndarray | None = None)
 
 
 def quaternion(attitude: np.ndarray) -> Gf.Quatf:
-    """Turn xyzw into USD's quaternion."""
+    """Convert xyzw to USD's quaternion."""
     x, y, z, w = attitude.tolist()
     return Gf.Quatf(w, x, y, z)
 
 
 def vectors(rows: np.ndarray) -> Any:
-    """Turn rows (K, 2) or (K, 3) into an array of vectors of single precision."""
+    """Convert rows (K, 2) or (K, 3) to an array of single-precision vectors."""
     kind = Vt.Vec2fArray if rows.shape[1] == 2 else Vt.Vec3fArray
     return kind.FromNumpy(np.ascontiguousarray(rows, np.float32))
 
 
 def numbers(values: np.ndarray) -> Any:
-    """Turn integers (K,) into an array."""
+    """Convert integers (K,) to an array."""
     return Vt.IntArray.FromNumpy(np.ascontiguousarray(values, np.int32))

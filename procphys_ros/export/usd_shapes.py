@@ -48,8 +48,8 @@ class Materials:
     """
     Preview surfaces of textures, with PNG files beside the layer.
 
-    :param layer: where they are written.
-    :param root: path of the prim that holds them.
+    :param layer: to write to.
+    :param root: path of the parent prim.
     :param path: of the layer's file.
     """
 
@@ -61,7 +61,7 @@ class Materials:
         layer.prim(root, 'Scope')
 
     def path(self, name: str) -> str:
-        """Give the path of a texture's material, which is written when first asked for."""
+        """Return the path of a texture's material, which is written on first use."""
         if name not in self._known:
             self._known[name] = f'{self._root}/{identifier(name)}'
             self._write(name, self._known[name])
@@ -71,7 +71,7 @@ class Materials:
         """
         Write the images, then the layer.
 
-        :raises OSError: when one cannot be written; a folder of images that is new goes then.
+        :raises OSError: if one cannot be written; a new folder of images is removed then.
         """
         fresh = not self._folder.exists()
         try:
@@ -120,7 +120,7 @@ class Materials:
 
 
 def identifier(name: str) -> str:
-    """Turn a name into one that USD takes."""
+    """Convert a name to a valid USD identifier."""
     out = ''.join(c if c.isascii() and (c.isalnum() or c == '_') else '_' for c in name)
     return out if out and not out[0].isdigit() else f'_{out}'
 
@@ -130,8 +130,8 @@ def add_mesh(layer: Layer, path: str, shape: Mesh, material: str, leaf: bool = F
     Write a mesh.
 
     :param shape: in the frame of the parent prim.
-    :param material: path of what is bound to it.
-    :param leaf: whether it is seen from both sides.
+    :param material: path of its material.
+    :param leaf: whether it is two-sided.
     """
     spec = layer.prim(path, 'Mesh', ['MaterialBindingAPI'])
     put(spec, 'point3f[]', 'points', vectors(shape.points))
@@ -150,7 +150,7 @@ def add_mesh(layer: Layer, path: str, shape: Mesh, material: str, leaf: bool = F
 
 
 def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
-    """Write the shape that a part collides as, in its own frame."""
+    """Write the collision shape of a part, in its own frame."""
     if len(content.blueprint.hexahedra.among(np.array([part]))):
         _add_hull(layer, path, local_part(content, part))
         return
@@ -173,7 +173,7 @@ def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
 
 
 def _add_hull(layer: Layer, path: str, shape: Mesh) -> None:
-    """Write a convex hull to collide with."""
+    """Write a convex hull for collision."""
     spec = layer.prim(path, 'Mesh', ['PhysicsCollisionAPI', 'PhysicsMeshCollisionAPI'])
     put(spec, 'token', 'purpose', 'guide', uniform=True)
     put(spec, 'token', 'physics:approximation', 'convexHull', uniform=True)
@@ -187,11 +187,11 @@ def _add_hull(layer: Layer, path: str, shape: Mesh) -> None:
 
 class Prototypes:
     """
-    Shapes that many parts share, as classes that instances refer to.
+    Shapes shared by many parts, as classes for instances.
 
-    :param layer: where they are written.
-    :param root: path of the class that holds them.
-    :param content: the parts.
+    :param layer: to write to.
+    :param root: path of the parent class.
+    :param content: with the parts.
     :param materials: of the scene.
     """
 
@@ -206,14 +206,14 @@ class Prototypes:
         layer.prim(root, specifier=Sdf.SpecifierClass)
 
     def path(self, part: int) -> str:
-        """Give the path of a part's prototype, which is written when first asked for."""
+        """Return the path of a part's prototype, which is written on first use."""
         key = (*self._keys[part].tolist(), self._corners.get(part))
         if key not in self._known:
             path = f'{self._root}/shape_{len(self._known)}'
             self._known[key] = path
             spec = self._layer.prim(path, 'Xform', ['PhysicsRigidBodyAPI', 'PhysicsMassAPI'])
             weigh(spec, self._content, part)
-            # What is bound must lie below the instance, or importers do not find it.
+            # Materials must be below the instance, or importers do not find them.
             name = self._content.textures[self._content.blueprint.texture[part]]
             refer(self._layer.prim(f'{path}/material', 'Material'), self._materials.path(name))
             add_mesh(self._layer, f'{path}/visual', local_part(self._content, part),
@@ -223,7 +223,7 @@ class Prototypes:
 
 
 def weigh(spec: Sdf.PrimSpec, content: Content, part: int) -> None:
-    """Write mass and inertia of a part, whose frame is at its centre of mass."""
+    """Write mass and inertia of a part; its frame is at its centre of mass."""
     put(spec, 'float', 'physics:mass', float(content.blueprint.mass[part]))
     put(spec, 'float3', 'physics:diagonalInertia',
         Gf.Vec3f(*content.blueprint.inertia[part].tolist()))
@@ -232,7 +232,7 @@ def weigh(spec: Sdf.PrimSpec, content: Content, part: int) -> None:
 
 
 def foliage(content: Content, part: int) -> list[tuple[str, Mesh]]:
-    """Give texture and mesh of the leaves and twigs on a part, in its frame."""
+    """Return texture and mesh of the leaves and twigs on a part, in its frame."""
     blueprint, pose = content.blueprint, content.poses[part]
     leaves, twigs, out = blueprint.leaves, blueprint.ornaments, []
     mine = np.flatnonzero(leaves.part == part)

@@ -68,13 +68,13 @@ KINDS = ('geometry_msgs/msg/PoseArray', 'geometry_msgs/msg/Vector3Stamped',
 
 def definition(kind: str) -> str:
     """
-    Give the definition of a message with those of all that it holds (encoding `ros2msg`).
+    Return the definition of a message with those of all nested ones (encoding `ros2msg`).
 
     :param kind: one of `KINDS`.
     """
     name = kind.replace('/msg/', '/')
     order = [name]
-    for outer in order:  # grows while it is walked
+    for outer in order:  # grows during the loop
         for line in _FIELDS[outer].splitlines():
             inner = line.split()[0].removesuffix('[]')
             if inner in _FIELDS and inner not in order:

@@ -22,10 +22,10 @@ from procphys_ros.errors import RecordingError
 
 def load_mcap() -> SimpleNamespace:
     """
-    Import what is used of the package mcap.
+    Import the used names of the package mcap.
 
     :returns: its Writer, CompressionType and make_reader.
-    :raises RecordingError: when it is not installed.
+    :raises RecordingError: if it is not installed.
     """
     try:
         writer, reader = (import_module(f'mcap.{name}') for name in ('writer', 'reader'))

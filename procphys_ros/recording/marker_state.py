@@ -19,15 +19,15 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.messages.marker_rows import Action, command, marker_array
 
-_START = 8  # of the first marker: behind the encapsulation and the count
+_START = 8  # of the first marker: after the encapsulation and the count
 
 
 class MarkerState:
     """
-    Keeps the newest bytes of every marker.
+    Keep the newest bytes of every marker.
 
-    Markers as `messages.marker_rows` writes them are a multiple of eight bytes long and can be put
-    together in any order; arrays that hold others are left aside.
+    Markers from `messages.marker_rows` are a multiple of eight bytes long and can be joined in any
+    order; arrays with others are ignored.
     """
 
     def __init__(self) -> None:
@@ -38,7 +38,7 @@ class MarkerState:
         return len(self._markers)
 
     def update(self, data: bytes) -> None:
-        """Take up a visualization_msgs/MarkerArray, CDR with its encapsulation."""
+        """Process a visualization_msgs/MarkerArray, CDR with its encapsulation."""
         for start, end, name, name_end, number, action in find_markers(data).tolist():
             if (end - start) % 8:
                 return
@@ -53,7 +53,7 @@ class MarkerState:
                 self._markers[key] = data[start:end]
 
     def whole(self) -> bytes:
-        """Write a MarkerArray that clears the view and shows everything."""
+        """Write a MarkerArray that clears the view and shows all markers."""
         clear = command(Action.DELETEALL, '', 0, self._frame)
         return marker_array([clear, *self._markers.values()], len(self._markers) + 1)
 
@@ -77,7 +77,7 @@ def _walk(data, out):
     for row in range(len(out)):
         at = _aligned(at, 4)
         out[row, 0] = at
-        at = _string(data, at + 8)  # behind the stamp: frame_id
+        at = _string(data, at + 8)  # after the stamp: frame_id
         at = _aligned(at, 4)
         out[row, 2] = at + 4
         at = _string(data, at)
@@ -97,7 +97,7 @@ def _walk(data, out):
         for _ in range(3):                # text, mesh_resource, mesh_file.filename
             at = _string(data, _aligned(at, 4))
         at = _sequence(data, at, 1, 1) + 1  # mesh_file.data, mesh_use_embedded_materials
-        # The filling behind the last flag belongs to the marker, too.
+        # The padding after the last flag belongs to the marker, too.
         at = _aligned(at, 4)
         out[row, 1] = min(at, len(data))
 
@@ -110,7 +110,7 @@ def _word(data, at):
 
 @kernel
 def _aligned(at, size):
-    """Give the next offset that is aligned; alignment counts from behind the encapsulation."""
+    """Return the next offset with an alignment relative to the end of the encapsulation."""
     return at + (4 - at) % size
 
 

@@ -32,19 +32,19 @@ from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation
 
-_EARLY = 1e-6     # [s], rounding of simulated time
+_EARLY = 1e-6     # [s] rounding of simulated time
 
 
 class Recorder:
     """
-    Writes the topics of the node `sim` into an MCAP file; time in it is simulated time.
+    Write the topics of the node `sim` to an MCAP file; its time is simulated time.
 
-    :param simulation: what is recorded; it is only read.
+    :param simulation: to record; it is only read.
     :param path: file that ends in .mcap.
     :param rate: frames per simulated second.
-    :param node: name that stands in front of the topics.
-    :param frame: frame of everything.
-    :raises RecordingError: when the file cannot be written.
+    :param node: prefix of the topics.
+    :param frame: `frame_id` of all messages.
+    :raises RecordingError: if the file cannot be written.
     """
 
     def __init__(self, simulation: Simulation, path: str | Path, rate: float = 30.0,
@@ -74,15 +74,15 @@ class Recorder:
         self.close()
 
     def close(self) -> None:
-        """Finish the file; again is harmless."""
+        """Finish the file; may be called again."""
         self._writer.close()
 
     def record(self) -> bool:
         """
-        Write the simulation as it is, if a frame is due; to be called after each step.
+        Write the present state of the simulation, if a frame is due; to be called after each step.
 
-        :returns: whether one was.
-        :raises RecordingError: when the disk is full, or time has jumped back.
+        :returns: whether a frame was written.
+        :raises RecordingError: if the disk is full, or time has jumped back.
         """
         simulation = self._simulation
         if simulation.time < self._due - self._period - _EARLY:
@@ -110,13 +110,13 @@ class Recorder:
         self._writer.write(name, kind, data, at[0] * 10**9 + at[1])
 
     def _put_ground(self, at: messages.Stamp) -> None:
-        """Write the ground, which does not change, with the first frame."""
+        """Write the ground, which is constant, with the first frame."""
         if self._markers is None:
             self._put('ground', 'visualization_msgs/msg/MarkerArray', messages.ground_markers(
                 self._terrain, self._paving, at, self._frame), at)
 
     def _put_description(self, at: messages.Stamp, is_full: bool) -> None:
-        """Describe the scene; parts that come later are described within a second."""
+        """Write the scene description; parts that join later are described within a second."""
         simulation = self._simulation
         content = len(simulation.blueprint), len(simulation.removed)
         if content != self._described and (not self._described or is_full):
@@ -129,7 +129,7 @@ class Recorder:
                       ENCAPSULATION + writer.getvalue(), at)
 
     def _put_poses(self, at: messages.Stamp, is_full: bool) -> None:
-        """Write all poses; while nothing moves, once a second."""
+        """Write all poses; at standstill, once a second."""
         poses = self._simulation.state.shown_poses()
         if is_full or not np.array_equal(poses, self._last_poses, equal_nan=True):
             self._last_poses = poses.copy()
@@ -138,7 +138,7 @@ class Recorder:
 
     def _put_markers(self, at: messages.Stamp, is_full: bool) -> None:
         simulation, markers = self._simulation, self._markers
-        if markers is None or simulation.added != self._added:  # what joins may have leaves
+        if markers is None or simulation.added != self._added:  # added objects may have leaves
             self._added, is_full = simulation.added, True
             markers = self._markers = SceneMarkers(simulation.blueprint, simulation.objects,
                                                    self._frame, MarkerStyle())
@@ -175,7 +175,7 @@ class Recorder:
                   ENCAPSULATION + writer.getvalue(), at)
 
     def _put_wrenches(self, at: messages.Stamp) -> None:
-        """Write what acts on each intruder that has been placed."""
+        """Write the wrench on each intruder that has been placed."""
         for name in self._simulation.intruders:
             if self._simulation.pose_of_intruder(name) is None:
                 continue

@@ -21,12 +21,12 @@ from pathlib import Path
 from procphys_ros.errors import RecordingError
 from procphys_ros.recording.library import load_mcap
 
-FULL_EVERY = 1.0  # [s] between whole sets of markers and poses: how far back a viewer must look
-# What is said when it changes: the last of it before a moment holds at that moment.
+FULL_EVERY = 1.0  # [s] between full sets of markers and poses: how far back a viewer must look
+# Topics published on changes: the last message before a moment is valid then.
 _LASTING = ('/scene_description', '/ground')
-# What only whole sets once in a while make complete: see `FULL_EVERY`.
+# Topics that only periodic full sets complete: see `FULL_EVERY`.
 _REPEATED = ('/markers', '/poses')
-_SLACK = 1.5  # whole sets may come late by half their period
+_SLACK = 1.5  # full sets may come late by half their period
 
 
 @dataclass(frozen=True)
@@ -48,13 +48,13 @@ class Message:
 
 class Recording:
     """
-    Reads an MCAP file of ROS 2 messages.
+    Read an MCAP file of ROS 2 messages.
 
     :param path: the file.
     :ivar topics: type of each topic by its name.
     :ivar start: time of the first message [ns].
     :ivar end: time of the last one [ns].
-    :raises RecordingError: when it cannot be read, or was not finished.
+    :raises RecordingError: if it cannot be read, or was not finished.
     """
 
     def __init__(self, path: str | Path):
@@ -67,7 +67,7 @@ class Recording:
         try:
             self._reader = make_reader(self._file)
             summary = self._reader.get_summary()
-        except Exception as error:  # whatever the reader of the format makes of a broken file
+        except Exception as error:  # any error of the reader on a broken file
             reason = str(error) or type(error).__name__
             raise RecordingError(f'"{path}" is no complete recording ({reason}); '
                                  '"mcap recover" may help') from error
@@ -85,23 +85,23 @@ class Recording:
 
     @property
     def duration(self) -> float:
-        """Give the time from the first message to the last [s]."""
+        """Return the time from the first message to the last [s]."""
         return (self.end - self.start) * 1e-9
 
     def messages(self, start: float = 0.0) -> Iterator[Message]:
         """
-        Give the messages from a moment on, in the order of time.
+        Yield the messages from a moment on, in the order of time.
 
         :param start: since the beginning [s].
-        :raises RecordingError: when the file is damaged.
+        :raises RecordingError: if the file is damaged.
         """
         yield from self._read(self.start + round(start * 1e9), None, list(self.topics))
 
     def state_at(self, start: float) -> list[Message]:
         """
-        Give what has to be published, in this order, to show a moment without what was before.
+        Return the messages, in order, that show a moment without earlier ones.
 
-        :param start: the moment, since the beginning [s].
+        :param start: time of the moment, since the beginning [s].
         """
         moment = self.start + round(start * 1e9)
         lasting = [t for t in self.topics if t.endswith(_LASTING)]

@@ -24,20 +24,20 @@ from procphys_ros.output_files import lock, obstacle
 from procphys_ros.recording.definitions import definition
 from procphys_ros.recording.library import load_mcap
 
-# Holds several frames of a large scene: what stands still in it costs nothing.
+# Several frames of a large scene: resting parts in it cost nothing.
 _CHUNK = 4 * 1024 * 1024   # [bytes] before compression
-RESERVE = 32 * 1024 * 1024  # [bytes] of free disk at which a recording ends, with its index whole
-_LONGEST = 5.0  # [s] that a chunk may take: what a killed process loses
-_CHECK_EVERY = _CHUNK       # [bytes] written between two looks at the disk
+RESERVE = 32 * 1024 * 1024  # [bytes] of free disk at which a recording ends, to fit its index
+_LONGEST = 5.0  # [s] of a chunk: the loss of a killed process
+_CHECK_EVERY = _CHUNK       # [bytes] written between two checks of the disk
 
 
 class Writer:
     """
-    Writes messages with their definitions, compressed with zstd.
+    Write messages with their definitions, compressed with zstd.
 
-    :param path: file to write; an old one is replaced.
-    :ivar messages: number written so far.
-    :raises RecordingError: when it cannot be written, or the package mcap is missing.
+    :param path: file to write; an existing one is replaced.
+    :ivar messages: number of written messages.
+    :raises RecordingError: if it cannot be written, or the package mcap is missing.
     """
 
     def __init__(self, path: str | Path):
@@ -76,10 +76,10 @@ class Writer:
         :param topic: its full name.
         :param kind: its type, one of `definitions.KINDS`.
         :param data: CDR with its encapsulation.
-        :param at: time by which it will be found [ns].
-        :param published: time that it speaks of [ns]; None = the same.
-        :raises RecordingError: when the disk is full; the recording has ended then, and what was
-            written before can be read.
+        :param at: time in the index [ns].
+        :param published: time of publication [ns]; None = the same.
+        :raises RecordingError: if the disk is full; the recording ends then, and earlier messages
+            can be read.
         """
         if not self._open:
             raise RecordingError(f'"{self.path}" has ended')
@@ -102,9 +102,9 @@ class Writer:
 
     def close(self) -> None:
         """
-        Write the index and close the file; again is harmless.
+        Write the index and close the file; may be called again.
 
-        :raises RecordingError: when there is no room for the index.
+        :raises RecordingError: if the disk has no space for the index.
         """
         if not self._open:
             return
@@ -116,7 +116,7 @@ class Writer:
             self._abandon(error)
 
     def _save(self) -> None:
-        """Put a chunk onto the disk once in a while, however slowly it fills."""
+        """Flush a chunk to the disk regularly, even if it fills slowly."""
         if monotonic() - self._saved > _LONGEST:
             self._saved = monotonic()
             self._writer.flush()
@@ -131,21 +131,21 @@ class Writer:
         return self._channels[topic]
 
     def _abandon(self, error: OSError) -> None:
-        """End at once, without an index."""
+        """End immediately, without an index."""
         self._open = False
         try:
             self._file.close()
         except OSError:
-            pass  # the same once more: what Python still held is lost
+            pass  # the same error again: the data still buffered by Python are lost
         raise RecordingError(f'"{self.path}" cannot be written any further: {error.strerror}; '
                              '"mcap recover" makes it readable') from error
 
 
 def check_target(path: Path) -> None:
     """
-    Say what is wrong with a file to record into, before anything is done for it.
+    Validate the path of a recording, before any work for it.
 
-    :raises RecordingError: when its suffix is another, its folder missing, or its disk full.
+    :raises RecordingError: if its suffix is wrong, its folder missing, or its disk full.
     """
     if path.suffix != '.mcap':
         raise RecordingError(f'"{path}": a recording must end in .mcap')

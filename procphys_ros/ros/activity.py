@@ -110,7 +110,7 @@ class LongWork:
     def look(self) -> None:
         """Report the work if that is due."""
         seconds = self._activity.seconds
-        if seconds < self._before:  # the long work has ended, whatever is under way now
+        if seconds < self._before:  # the long work has ended
             if self._next > _LONG:
                 self._say(self._activity.last)
             self._next = _LONG

@@ -24,7 +24,7 @@ from std_msgs.msg import Header
 from procphys_ros.errors import CommandError
 
 Triple = tuple[float, float, float]
-Act = Callable[[], str]  # does something to the simulation and says what; CommandError = refused
+Act = Callable[[], str]  # executes a command and describes its result; CommandError = refused
 _LONGEST_NAME = 256  # [characters] of a part; those of the longest names in ROS
 
 

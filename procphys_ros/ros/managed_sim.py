@@ -20,7 +20,7 @@ import sys
 
 def main(args: list[str] | None = None) -> int:
     """
-    Run the node until it is told to stop; else as `sim`.
+    Run the node until it is stopped; see `sim`.
 
     :param args: command line, with ROS arguments; None = the process's own.
     :returns: exit code.

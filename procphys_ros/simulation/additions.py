@@ -119,7 +119,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     """
     Extend a state by the last object of an enlarged model.
 
-    :param model: the state belongs to it afterwards.
+    :param model: the enlarged one; the state has its first parts so far.
     :param settled: static stresses of the new object alone, broken where its weight breaks it.
     """
     first, bonds, rows = len(state.parts), len(state.blueprint.bonds), len(state.forest)

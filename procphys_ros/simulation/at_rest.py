@@ -26,11 +26,11 @@ from procphys_ros.simulation.state import State
 
 def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list[str]]:
     """
-    Put a scene at rest, its trees in the wind that blows at its start.
+    Put a scene at rest, with its trees in the initial wind.
 
     :param wind: replaces the scene's wind settings.
-    :returns: the state, after the collapse of whatever cannot carry its own weight, and lines of
-        text that report it.
+    :returns: the state, after the collapse of parts that cannot carry their weight, and warnings
+        about it.
     """
     state = State.initial(model)
     if wind is not None and wind != state.wind.settings:

@@ -146,9 +146,10 @@ def energies(energy, other, ends):
 @kernel
 def _measure(first, second, point, impulse, change, start, fall):
     """
-    Compute energies of both bodies in each contact, shares of support in them, and impulses.
+    Compute the energies of both bodies in each contact, (C, 2), those by support, and impulses.
 
     :param fall: downward speed that contacts prevented, by body id [m/s], (B,).
+    :returns: both energies [J], and impulses [N·s], (C,).
     """
     energy, held = np.zeros((len(first), 2)), np.zeros((len(first), 2))
     size = np.zeros(len(first))
