@@ -51,7 +51,7 @@ class Blows(NamedTuple):
 
 
 def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
-    """Return the contacts of the last step with the change of motion by them, (B, 6)."""
+    """Measure the contacts of the last step, which made a change of motion, (B, 6)."""
     bodies, dt = state.world.bodies, model.time_step
     loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
     return measure(state.world.contacts(), change, state.rubble.poses, loose, model.gravity * dt,
@@ -225,7 +225,7 @@ def _patches(first, second, point, size, mass):
 @kernel
 def _pass_on(first, second, size, share, loose, weight, dt, rate):
     """
-    Assign contacts that do not close the rate of the loads on their bodies, in place.
+    Set the rates of contacts that do not close to those of the loads on their bodies, in place.
 
     :param size: impulses [N·s], (C,).
     :param share: of the energy that each absorbs itself, see `_closing`, (C,).

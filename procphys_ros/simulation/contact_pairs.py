@@ -123,7 +123,7 @@ class TreeBounds:
 @dataclass(frozen=True)
 class Surroundings:
     """
-    Possible contacts of trees.
+    Obstacles that trees may touch.
 
     :ivar world: rigid bodies.
     :ivar bricks: masonry as built.

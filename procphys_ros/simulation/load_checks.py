@@ -56,7 +56,7 @@ def check_places(blueprint: Blueprint, objects: Sequence[SceneObject],
 
 
 def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
-    """List errors in the place of the last object, which has just joined a running scene."""
+    """List position errors of the last object, which has just joined a running scene."""
     blueprint = replace(state.blueprint, poses=state.shown_poses())
     objects, present = state.objects, state.parts.owner != Owner.GONE
     added = len(objects) - 1

@@ -239,7 +239,7 @@ def is_stable(state: State) -> bool:
 @staged('settling stresses')
 def settle(model: Model, state: State) -> list[str]:
     """
-    Solve the stresses under weight alone, as in set mortar.
+    Solve the stresses under weight alone, with the mortar set.
 
     :returns: warnings about objects that crack or collapse under it.
     """

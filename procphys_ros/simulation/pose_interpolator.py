@@ -27,7 +27,7 @@ _FASTEST = 100.0  # [m/s] of a motion; a pose farther away is set at once
 
 class PoseInterpolator:
     """
-    Follow poses, each in the time since the one before: one interval late.
+    Interpolate to each pose in the time since the one before: one interval late.
 
     Between two poses the velocity is constant; it passes every pose exactly, and stops at the
     last.

@@ -138,7 +138,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
 
 
 def take_back(model: Model, state: State, dt: float) -> None:
-    """Move projectiles that bounced in this step back to its end, if nothing is in the way."""
+    """Move bounced projectiles back to their place at the end of the step, unless they touch."""
     bodies = state.world.bodies
     bounced = [m for m in state.missiles if m.ahead and state.parts.owner[m.part] == Owner.BODY]
     if not bounced:
@@ -203,7 +203,7 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
 def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
               dt: float) -> None:
     """
-    Reflect the projectile from the position of the branch at the end of the step.
+    Reflect the projectile at the position of the branch at the end of the step.
 
     A joint that an impulse moves off its limit responds differently than before: where that would
     create energy (see `contact_work`), the blow is weaker.

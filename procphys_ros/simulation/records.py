@@ -211,7 +211,7 @@ def check_alike(pattern: Any, found: Any, forms: Forms, path: str,
     """
     Compare types, and dtypes and widths of arrays.
 
-    Fields that are absent or empty on one side are not compared, nor are items of containers.
+    Values that are None or empty on one side are not compared, nor are items of containers.
 
     :param pattern: a valid object.
     :param found: an object as read.
