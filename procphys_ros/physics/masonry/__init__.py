@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Masonry: rigid parts on mortar bonds, their stresses, and how they come apart."""
+"""Masonry: rigid parts on mortar bonds, their stresses and their fracture."""
 
 from procphys_ros.physics.masonry.capacity import Resistance
 from procphys_ros.physics.masonry.fracture import Failures, Fracture

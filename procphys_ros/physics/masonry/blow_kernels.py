@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Blows on free pieces, judged in one kernel: stresses, what breaks, what hangs together then."""
+"""Blows on free pieces in one kernel: bond stresses, broken bonds, connected components."""
 
 import math
 
@@ -24,32 +24,32 @@ from procphys_ros.physics.masonry import cells, components, links, rigid_cells
 from procphys_ros.physics.masonry.strength import stays_closed
 from procphys_ros.physics.masonry.ties import tie_stress
 
-_ROUNDS = 12       # of stress and breaking per blow; what still cracks does so at the next blow
-_BAND = 0.4        # a blow breaks all that is loaded above this share of the worst at once: the
-#                    stress arrives everywhere before the first crack has relieved anything
+_ROUNDS = 12       # of stress and breaking per blow; further cracks wait for the next blow
+_BAND = 0.4        # bonds above this share of the worst load break at once: the stress arrives
+#                    everywhere before the first crack has relieved any bond
 _ITERATIONS = 150  # of conjugate gradients per round
-_LEAST = 1e4       # [Pa] strength of what has none: dry parts hook into each other
-_ROUNDING = 1e-9   # of the loads: what balances up to this is in balance
-_ACCURACY = 4e-3   # of the largest load on a cell: residual at which stresses are known well
+_LEAST = 1e4       # [Pa] least strength, also of dry joints: their parts interlock
+_ROUNDING = 1e-9   # of the loads: tolerance of their balance
+_ACCURACY = 4e-3   # of the largest load on a cell: residual at which the solver stops
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # of a stiffness, see `links`
 
 
 @kernel
 def strike(topology, masses, joints, strength, wood, scratch, blows):
     """
-    Break free pieces by blows, one after the other; cuts bonds in the graph.
+    Break free pieces by blows, one after the other; cut the broken bonds in the graph.
 
     :param topology: start, incident, first, second, alive, cracked, links of the bond graph.
     :param masses: mass, centre, reach of the parts, and their inertia in world axes, (N, 3, 3).
     :param joints: centroid, axes, spring, area, extent, whole extent of the bonds, and `held`.
     :param strength: tension, cohesion, friction, compression and reinforcement of the bonds.
-    :param wood: row of each bond in the table of hinges, -1 for mortar, and of that table
-        force, torque and stress at which joints break.
-    :param scratch: rank of the parts, see `cells.grow`, and what `cells.inside` needs.
-    :param blows: parts of all pieces, where those of each start (B + 1,), wrenches on them,
+    :param wood: row of each bond in the table of hinges, -1 for mortar, and the break force,
+        break torque and strength of that table.
+    :param scratch: rank of the parts, see `cells.grow`, and the scratch of `cells.inside`.
+    :param blows: parts of all pieces, start of those of each (B + 1,), wrenches on them,
         number of cells wanted and energy of each blow.
-    :returns: rows of all broken bonds, their loads over their strengths, where those of each
-        blow start (B + 1,), component of each part, and share of each blow that was passed on.
+    :returns: rows of all broken bonds, their loads over their strengths, start of those of each
+        blow (B + 1,), component of each part, and transmitted share of each blow.
     """
     parts, start, wrenches, wanted, energy = blows
     count = len(wanted)
@@ -85,7 +85,7 @@ def _inside(topology, scratch, parts):
 
 @kernel
 def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, wanted, energy):
-    """Judge one blow; give the rows that broke, their loads, and the share passed on."""
+    """Break a piece by one blow; return broken rows, their loads, and the transmitted share."""
     rows, a, b = _inside(topology, scratch, parts)
     if wanted < len(parts):
         node, count = cells.grow(len(parts), a, b, scratch[0][parts], wanted)
@@ -102,7 +102,7 @@ def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, 
     for turn in range(_ROUNDS):
         strain = _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench)
         if strain < 0.0:
-            break  # the loads move all parts alike
+            break  # the loads accelerate all parts alike
         if turn == 0:
             gentler = _gentler(strain, energy)
         most = _overloads(wrench, rows, alive, joints, strength, wood, gentler, load)
@@ -121,7 +121,7 @@ def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, 
 
 @kernel
 def _between_cells(rows, a, b, node):
-    """Keep the bonds between cells, with the cells in the place of the parts."""
+    """Return the bonds between different cells, with cells in place of parts."""
     found = 0
     for k in range(len(rows)):
         i, j = node[a[k]], node[b[k]]
@@ -154,10 +154,10 @@ def _pack(joints, rows, a, b, centre):
 @kernel
 def _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench):
     """
-    Solve for what the bonds carry; give the strain energy [J], -1 when nothing is strained.
+    Solve for the wrenches of the bonds; return the strain energy [J], -1 without strain.
 
     :param cell: see `rigid_cells.gather`; pairs: see `rigid_cells.pair_up`.
-    :param faint: loads that are none [N], [N·m].
+    :param faint: largest load that counts as zero [N], [N·m].
     :param wrench: force and moment in the bond frames [N], [N·m], (K, 6), written.
     """
     _, centre, _, reach, _ = cell
@@ -187,13 +187,13 @@ def _largest(values):
 @kernel
 def _gentler(strain_energy, energy):
     """
-    Give by which factor the forces of a blow are less because the piece itself yields.
+    Return the factor by which the compliance of a piece reduces the forces of a blow.
 
     Contact and piece are springs in series, T² = T_c² + π²·m·c with the compliance c of the piece.
-    In terms of its strain energy under the forces of a rigid one that factor T_c/T needs no m.
+    The factor T_c/T follows from the strain energy under the forces of a rigid contact, without m.
 
     :param strain_energy: of the piece under the forces of the blow [J].
-    :param energy: that the blow takes from the motion [J].
+    :param energy: kinetic energy taken by the blow [J].
     """
     return 1.0 / math.sqrt(1.0 + math.pi ** 2 * strain_energy / max(energy, 1e-9))
 
@@ -201,11 +201,11 @@ def _gentler(strain_energy, energy):
 @kernel
 def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
     """
-    Write how many times what breaks it each bond carries, zero for all that hold, (K,).
+    Write load over capacity of each failing bond, zero for the others, (K,).
 
-    A bond pressed inside its patch opens at an edge, but holds.
+    A bond whose resultant presses inside its patch opens at an edge, but holds.
 
-    :returns: the largest.
+    :returns: the largest ratio.
     """
     area, extent, whole_extent, held = joints[3], joints[4], joints[5], joints[6]
     tension, cohesion, friction, compression, reinforcement = strength
@@ -230,11 +230,11 @@ def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
 @kernel
 def _demand(wrench, area, extent, tension, cohesion, friction, compression, reinforcement):
     """
-    Tell how many times the load that breaks a bond the load is, and whether the bond opens.
+    Return load over capacity of a bond of mortar, and whether the bond opens.
 
-    The bonds carry nothing before the blow, so all stresses grow in proportion; the limits are
-    those of `strength.utilisation`, solved for the share of the load at which they are met. What
-    is reinforced hangs together until its steel yields, too.
+    The bonds are unloaded before the blow, so all stresses grow in proportion; the limits are
+    those of `strength.utilisation`, solved for the share of the load at which they are met.
+    Reinforced bonds hold until their steel yields, too.
     """
     pull = wrench[2] / area
     bending = 6.0 / area * (abs(wrench[3]) / extent[1] + abs(wrench[4]) / extent[0])
@@ -250,9 +250,9 @@ def _demand(wrench, area, extent, tension, cohesion, friction, compression, rein
 @kernel
 def _wood_demand(wrench, area, wood, row):
     """
-    Give the load of a joint of a broken-off branch over the strength of its wood.
+    Return load over capacity of a joint in a broken-off branch.
 
-    The limits are those of standing trees: force, twist, and bending stress M/W with
+    The limits are those of standing trees: force, torque, and bending stress M/W with
     W = π·d³/32 = A·d/8.
     """
     _, force, torque, stress = wood

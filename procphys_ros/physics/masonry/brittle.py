@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Wood as a brittle patch: hinges of branches that fly about, in the terms of mortar bonds."""
+"""Wood as a brittle patch: hinges of detached branches as mortar bonds."""
 
 from dataclasses import fields, replace
 
@@ -20,14 +20,14 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Hinges, Law, Mortar
 
-_STIFFNESS = 1e12  # [Pa/m] of a rigid joint; chains of branches carry the same whatever it is
-_SQUARE = 0.75     # side of the rectangle over the diameter of the circle that bends as easily:
+_STIFFNESS = 1e12  # [Pa/m] of a rigid joint; the load in chains of branches does not depend on it
+_SQUARE = 0.75     # side of the rectangle over the diameter of the circle of the same strength:
 #                    A·e/6 = π·d³/32
 
 
 def as_mortar(blueprint: Blueprint) -> Blueprint:
     """
-    Give the same parts and bonds with mortar for every hinge; capacities of wood are apart.
+    Return the blueprint with mortar for every hinge; capacities of wood are kept elsewhere.
 
     :param blueprint: hinges and mortar.
     :returns: a blueprint of mortar alone, rows as before.

@@ -24,22 +24,22 @@ from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.ties import ELONGATION
 
-REACH = 1.0  # [m] from the struck parts, within which others are driven by them: as thick as walls
-#              get; further away, masonry is the ground that the joints are crushed against
+REACH = 1.0  # [m] from the struck parts, within which they drive others: the thickest walls;
+#              masonry further away is the abutment that the joints are crushed against
 
 
 @dataclass(frozen=True)
 class Resistance:
     """
-    What a set of parts withstands before it comes out along a direction.
+    Resistance of a set of parts to being torn out along a direction.
 
     Tearing out takes both: a blow whose momentum over its duration (`impact.contact_time`) exceeds
-    `force`, and `energy`, which is lost by what strikes.
+    `force`, and `energy`, which the striking body loses.
 
     :ivar bonds: rows of the living bonds around the set, (K,).
-    :ivar force: sum of what these bonds carry at failure [N].
-    :ivar energy: work of fracture, and of rubbing until the faces have left each other [J].
-    :ivar rubbing: the latter alone [J].
+    :ivar force: sum of the failure loads of these bonds [N].
+    :ivar energy: work of fracture, and of friction until the faces have separated [J].
+    :ivar rubbing: work of friction alone [J].
     """
 
     bonds: np.ndarray
@@ -51,20 +51,20 @@ class Resistance:
 @subroutine
 def fails(m, sign, direction, wrench, joints, strength):
     """
-    Give the force and the work at which a bond fails when one side is driven along a direction.
+    Return failure load and work of a bond one side of which is driven along a direction.
 
-    The drive splits into pulling apart, pushing together and sliding; each meets its own limit
-    (`strength`), with the pressure that is already there, and pushing together raises friction.
-    What is crushed takes the work for that, cracked or not.
-    What slides on rubs with that pressure over the length of its patch, which shrinks meanwhile:
-    half of friction times length is spent.
+    The drive splits into opening, closing and sliding; each has its own limit (`strength`) under
+    the present pressure, and closing raises friction.
+    Crushed bonds take the work of crushing, cracked or not.
+    Sliding bonds rub under that pressure over the length of the patch, which shrinks meanwhile:
+    the work is half of friction times length.
 
     :param m: row of the bond.
     :param sign: 1 where the driven side is the first part, else -1.
     :param direction: unit vector, world, (3,).
-    :param wrench: what the bond carries now, bond frame, (6,).
-    :param joints, strength: as `joints_of` gives them.
-    :returns: force [N], work of fracture and of rubbing [J].
+    :param wrench: present wrench of the bond, bond frame, (6,).
+    :param joints, strength: from `joints_of`.
+    :returns: force [N], work of fracture and of friction [J].
     """
     axes, area, extent, cracked, held = joints
     tension, cohesion, friction, compression, reinforcement = strength
@@ -74,7 +74,7 @@ def fails(m, sign, direction, wrench, joints, strength):
     push, pull = max(ahead, 0.0), max(-ahead, 0.0)
     slide = np.sqrt(1.0 - ahead ** 2)
     pressure = -wrench[2] / area[m]
-    whole = 0.0 if cracked[m] else 1.0  # cracked joints only rub, and have taken their work
+    whole = 0.0 if cracked[m] else 1.0  # cracked joints only rub; their work has been done
     steel = 2.0 * reinforcement[m]
     concrete = tension[m] if held[m] == 1.0 else 0.0
     limit = np.inf
@@ -109,7 +109,7 @@ def _fail(bonds, inside, directions, wrench, joints, strength, out):
 
 
 def joints_of(graph: BondGraph) -> tuple[tuple, tuple]:
-    """Give bonds and their strengths as kernels take them."""
+    """Return the arrays of bonds and of their strengths that kernels take."""
     mortar = graph.mortar
     return ((graph.axes, graph.area, graph.extent, graph.cracked, graph.held),
             (mortar.tension, mortar.cohesion, mortar.friction, mortar.compression,
@@ -118,7 +118,7 @@ def joints_of(graph: BondGraph) -> tuple[tuple, tuple]:
 
 def at_failure(graph: BondGraph, bonds: np.ndarray, inside: np.ndarray,
                directions: np.ndarray, wrench: np.ndarray) -> np.ndarray:
-    """Give what `fails` says of some bonds, (3, K)."""
+    """Return failure load [N], work of fracture and of friction [J] of some bonds, (3, K)."""
     out = np.empty((3, len(bonds)))  # the copy: a view of one row would be read-only, another type
     _fail(np.asarray(bonds, np.int64), inside,
           np.array(np.broadcast_to(directions, (len(bonds), 3)), float, order='C'), wrench,

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cells: a piece of masonry divided into clumps of neighbours, the grain in which it breaks."""
+"""Cells: a piece of masonry divided into clumps of neighbours between which it breaks."""
 
 import numpy as np
 
@@ -25,9 +25,9 @@ _SAME = 1e-6  # [m] distances in a bond of bricks that differ by less are the sa
 @kernel
 def spread(points, spacing):
     """
-    Choose points of which none is nearer to another than the spacing, in their order.
+    Choose points at least the spacing apart, greedily in their order.
 
-    The choice does not depend on where and how the points as a whole are placed.
+    The choice is invariant to rigid motions of the points.
 
     :param points: [m], (P, 3).
     :returns: their rows, (S,).
@@ -47,7 +47,7 @@ def spread(points, spacing):
 @kernel
 def nearest(points, seeds):
     """
-    Find the nearest seed of each point, the first of those at the same distance, (P,).
+    Find the nearest seed of each point, the first one on ties, (P,).
 
     :param points: [m], (P, 3).
     :param seeds: [m], (S, 3).
@@ -69,8 +69,8 @@ def inside(parts, start, incident, alive, first, second, place):
     List the living bonds between parts of a set.
 
     :param parts: (P,).
-    :param place: scratch that holds -1 everywhere, and does so again afterwards, (N + 1,).
-    :returns: rows of bonds (K,), and the places in `parts` of what they join, (K,) twice.
+    :param place: scratch filled with -1, restored on return, (N + 1,).
+    :returns: rows of bonds (K,), and the indices in `parts` of their two ends, (K,) twice.
     """
     total = 0
     for k in range(len(parts)):
@@ -117,8 +117,8 @@ def grow(count, a, b, rank, wanted):
     """
     Divide parts into cells by breadth-first growth from seeds: Voronoi cells along the bonds.
 
-    A part with very many bonds (a slab) is a cell by itself. What no seed reaches gets further
-    seeds, so every cell hangs together.
+    A part with very many bonds (a slab) is a cell by itself. Parts that no seed reaches get
+    further seeds, so every cell is connected.
 
     :param count: number of parts.
     :param a, b: parts that each bond joins, (K,).

@@ -38,9 +38,9 @@ _STRONG = 0.3  # of the stiffest bond of the more flexible neighbour
 @kernel(nogil=True)
 def _aggregate(parts, alone, start, incident, alive, first, second, size):
     """
-    Grow breadth-first balls of about `size` parts; -1 marks parts that are not listed.
+    Grow breadth-first aggregates of about `size` parts; -1 marks parts that are not listed.
 
-    A part that is to stay alone is an aggregate by itself.
+    A part marked `alone` is an aggregate by itself.
     """
     count = len(start) - 1
     owner = np.full(count + 1, -1, np.int32)  # the last entry is the ground
@@ -85,7 +85,7 @@ def _aggregate(parts, alone, start, incident, alive, first, second, size):
 
 @kernel
 def _merge_small(parts, owner, made, alone, start, incident, alive, first, second, least):
-    """Give the parts of tiny aggregates to an aggregate beside them; renumber."""
+    """Merge tiny aggregates into their neighbours; renumber the aggregates."""
     population = np.zeros(made, np.int64)
     closed = np.zeros(made, np.bool_)
     for i in parts:
@@ -117,9 +117,8 @@ def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
     """
     Mark the parts that are aggregates by themselves, (N,) bool.
 
-    These are hubs, which would fuse what they tie together, and long parts: a timber is as long as
-    an aggregate of bricks is wide, and frames of timbers bend and sway in ways that no rigid body
-    does.
+    These are hubs, which would fuse their neighbours, and long parts: a timber is as long as
+    an aggregate of bricks is wide, and frames of timbers bend and sway, unlike rigid bodies.
     """
     typical = np.median(graph.reach[parts]) if len(parts) else np.inf
     loose = np.flatnonzero(graph.cracked & (graph.grip < _LOOSE))
@@ -130,10 +129,10 @@ def _alone(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
 
 def _strong(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
     """
-    Mark those of some living bonds across which aggregates may grow, (M,) bool.
+    Mark the living bonds across which aggregates may grow, (M,) bool.
 
-    Rigid modes suit what is stiff: a bond much softer than others of both its parts (a board on
-    brickwork, a bond that has opened) is left between aggregates.
+    Rigid modes suit stiff bonds: a bond much softer than others of both its parts (a board on
+    brickwork, a bond that has opened) stays between aggregates.
     """
     return _stiff_enough(bonds, graph.grip, graph.spring, graph.first, graph.second,
                          np.zeros(graph.count + 1))
@@ -141,13 +140,13 @@ def _strong(graph: BondGraph, bonds: np.ndarray) -> np.ndarray:
 
 @kernel
 def _stiff_enough(bonds, grip, spring, first, second, stiffest):
-    """Compare bonds with the stiffest one of each part, (N + 1,), written."""
+    """Mark bonds that are stiff beside the stiffest one of each part, (N + 1,), written."""
     strong = np.zeros(len(grip), np.bool_)
     for m in bonds:
         stiffness = grip[m] * spring[m, 2]
         stiffest[first[m]] = max(stiffest[first[m]], stiffness)
         stiffest[second[m]] = max(stiffest[second[m]], stiffness)
-    stiffest[-1] = np.inf  # the ground yields to nothing
+    stiffest[-1] = np.inf  # the ground is rigid
     for m in bonds:
         least = min(stiffest[first[m]], stiffest[second[m]])
         strong[m] = grip[m] * spring[m, 2] >= _STRONG * least
@@ -160,7 +159,7 @@ class CoarseSpace:
 
     :param graph: the bond graph.
     :param parts: supported parts, (P,) int.
-    :param bonds: the living ones of these, (B,); what they hold on to besides is as the ground.
+    :param bonds: their living bonds, (B,); other parts at these bonds are fixed like the ground.
     :param size: parts per aggregate.
 
     :ivar owner: aggregate of each part, -1 where not in the set and for the
@@ -191,10 +190,10 @@ class CoarseSpace:
     @classmethod
     def chained(cls, count: int, spaces: Sequence[tuple['CoarseSpace', int]]) -> Self:
         """
-        Go on with the coarse spaces of graphs whose parts follow each other in one.
+        Concatenate the coarse spaces of graphs whose parts follow each other in one graph.
 
-        :param count: of the parts there.
-        :param spaces: each with the number of its first part there.
+        :param count: number of parts of that graph.
+        :param spaces: each with the row of its first part there.
         """
         space = cls.__new__(cls)
         space.owner, space.arm = np.full(count + 1, -1, np.int32), np.zeros((count, 3))
@@ -211,9 +210,9 @@ class CoarseSpace:
 
     def reached(self, parts: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return which columns of the factor islands need, see `Factor.reached`.
+        List the columns of the factor that islands need, see `Factor.reached`.
 
         :param parts: of all islands, (P,).
-        :param start: where those of each island start, (I + 1,).
+        :param start: start of the parts of each island, (I + 1,).
         """
         return self.factor.reached(self.owner[parts], start)

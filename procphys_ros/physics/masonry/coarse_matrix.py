@@ -15,8 +15,8 @@
 """
 The coarse matrix of the stress solver: PᵀKP, where P moves aggregates of parts as rigid bodies.
 
-Aggregates tied by the bonds that cross between them are a bond graph again, only smaller, so the
-matrix is assembled from links as K itself would be.
+Aggregates and the bonds between them are a smaller bond graph, so the matrix is assembled from
+links as K itself would be.
 """
 
 import numpy as np
@@ -28,14 +28,14 @@ from procphys_ros.physics.masonry.links import add_stiffness, cross
 
 class CoarseMatrix:
     """
-    Blocks of 6 x 6 numbers, by rows; the diagonal ones are always there.
+    Sparse matrix of 6 x 6 blocks, by rows; the diagonal blocks are always there.
 
     :param graph: the bonds.
-    :param bonds: the living ones of what has an aggregate, (B,).
-    :param owner: aggregate of each part, -1 for the ground and what has none, (N + 1,).
+    :param bonds: living bonds of the parts in aggregates, (B,).
+    :param owner: aggregate of each part, -1 for the ground and parts outside, (N + 1,).
     :param middle: reference points of the aggregates [m], (n, 3).
 
-    :ivar start, column: places of the blocks by rows, (n + 1,) and (K,).
+    :ivar start, column: block pattern by rows, (n + 1,) and (K,).
     :ivar blocks: (K, 6, 6).
     """
 
@@ -64,11 +64,11 @@ def _pairs(low, high, count):
     """
     List the pairs of aggregates that bonds join.
 
-    :param low: the lower one of each bond, -1 is the ground, (K,).
-    :param high: the other one, (K,).
+    :param low: lower aggregate of each bond, -1 is the ground, (K,).
+    :param high: higher aggregate of each bond, (K,).
     :returns: low and high of each pair (P,), and the pair of each bond (K,).
     """
-    last = np.full(count, -1)  # pair found last, of those with the same `high`
+    last = np.full(count, -1)  # last pair found with the same `high`
     previous, a, b, pair = np.empty((4, len(low)), np.int64)
     made = 0
     for k in range(len(low)):
@@ -86,7 +86,7 @@ def _pairs(low, high, count):
 
 @kernel(nogil=True)
 def _sum_springs(bonds, pair, links, first, second, centre, point, out):
-    """Add up the stiffness of the bonds of each pair, about a point of each [m], (P, 3)."""
+    """Sum the stiffness of the bonds of each pair about its reference point [m], (P, 3)."""
     for k in range(len(bonds)):
         m, p = bonds[k], pair[k]
         i, side = (first[m], 0) if first[m] < len(centre) else (second[m], 3)
@@ -99,11 +99,11 @@ def _sum_springs(bonds, pair, links, first, second, centre, point, out):
 @kernel
 def _spread(low, high, middle, springs, own):
     """
-    Let the springs of pairs resist the motions of both aggregates.
+    Add the springs of pairs to the diagonal blocks; turn them into off-diagonal blocks.
 
-    :param springs: about the reference point of the higher aggregate; of pairs that do not end on
-        the ground, turned into the block in its row and the column of the lower one, (P, 6, 6).
-    :param own: blocks on the diagonal, to be added to, (n, 6, 6).
+    :param springs: about the reference point of the higher aggregate; overwritten, unless the
+        pair ends on the ground, by the block (higher row, lower column), (P, 6, 6).
+    :param own: diagonal blocks, added to, (n, 6, 6).
     """
     for p in range(len(low)):
         spring, a, b = springs[p], low[p], high[p]

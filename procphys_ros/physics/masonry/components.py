@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Connected components of the bond graph, and which of them are supported."""
+"""Connected components of the bond graph and their support by the ground."""
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from procphys_ros.compilation import kernel
 
 @kernel
 def root_of(parent, i):
-    """Give the part that names the component of part i, and shorten the way there."""
+    """Return the root of the component of part i, and shorten the path there."""
     while parent[i] != i:
         parent[i] = parent[parent[i]]  # path halving (Tarjan & van Leeuwen 1984)
         i = parent[i]
@@ -43,7 +43,7 @@ def label_living(count, first, second, alive):
         i, j = root_of(parent, i), root_of(parent, j)
         if i != j:
             low, high = min(i, j), max(i, j)
-            parent[high] = low  # the lowest part names its component
+            parent[high] = low  # the lowest part is the root of its component
             held[low] = held[low] or held[high]
     labels = np.empty(count, np.int32)
     supported = np.empty(count, np.bool_)
@@ -57,7 +57,7 @@ def label_living(count, first, second, alive):
 def label(count: int, first: np.ndarray, second: np.ndarray,
           alive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Find the components that living bonds make; the ground joins nothing, it only supports.
+    Find the components of parts connected by living bonds; the ground supports, but joins none.
 
     Union-find over all bonds: linear, about a millisecond for 15,000 parts and 45,000 bonds.
 
@@ -65,7 +65,7 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
     :param first, second: parts per bond, N for the ground, (M,).
     :param alive: bonds that hold, (M,) bool.
     :returns: label of each part, the lowest part of its component, (N,) int32, and whether its
-        component holds on to the ground, (N,) bool.
+        component is supported by the ground, (N,) bool.
     """
     if not len(first):
         return np.arange(count, dtype=np.int32), np.zeros(count, bool)
@@ -74,7 +74,7 @@ def label(count: int, first: np.ndarray, second: np.ndarray,
 
 @kernel
 def bonds_of_standing(first, second, alive, supported):
-    """List the living bonds of parts that hold on to the ground, ascending."""
+    """List the living bonds of supported parts, ascending."""
     found = np.zeros(len(first), np.bool_)
     for m in range(len(first)):
         found[m] = alive[m] and supported[min(first[m], second[m])]
@@ -83,7 +83,7 @@ def bonds_of_standing(first, second, alive, supported):
 
 @kernel
 def joints_of_fallen(first, second, cracked, supported):
-    """List the cracked joints of parts that have lost the ground."""
+    """List the cracked joints of unsupported parts."""
     count = len(supported)
     found = np.zeros(len(first), np.bool_)
     for m in range(len(first)):
@@ -96,9 +96,9 @@ def joints_of_fallen(first, second, cracked, supported):
 @kernel
 def forget_fallen(supported, displacement, residual, sudden):
     """
-    Clear displacements and loads of parts that have lost the ground, rows of (N + 1, 6) each.
+    Clear displacements and loads of unsupported parts, rows of (N + 1, 6) each.
 
-    :returns: whether any other sudden load is left.
+    :returns: whether any sudden load on supported parts is left.
     """
     left = False
     for i in range(len(sudden)):

@@ -30,15 +30,15 @@ _CONFINED = 16  # the same for sets of parts, whose coarse spaces serve one step
 
 class ConjugateGradients:
     """
-    Solve tangents of K·u = f, preconditioned by the blocks of single parts and rigid aggregates.
+    Conjugate gradients on tangents of K·u = f, preconditioned by part blocks and aggregates.
 
     :param graph: the bonds.
 
     :ivar blocks: inverses of the diagonal blocks of K, in single precision as the coarse factor
         is, (N, 6, 6).
-    :ivar coarse: aggregates of what stood when they were formed; None where nothing did.
-    :ivar fresh: whether bonds have not changed since then.
-    :ivar islands: that are worked on.
+    :ivar coarse: aggregates of the parts that stood when they were formed; None without any.
+    :ivar fresh: whether the bonds are unchanged since then.
+    :ivar islands: islands being solved.
     """
 
     _graph: BondGraph
@@ -55,7 +55,7 @@ class ConjugateGradients:
         self.fresh = False
 
     def adopt(self, others: Sequence[tuple['ConjugateGradients', int]]) -> None:
-        """Take over blocks and aggregates of graphs chained here, each with its first part."""
+        """Copy blocks and aggregates from concatenated graphs, each with its first part here."""
         for other, first in others:
             self.blocks[first:first + len(other.blocks)] = other.blocks
         spaces = [(other.coarse, first) for other, first in others if other.coarse]
@@ -78,7 +78,7 @@ class ConjugateGradients:
         self.fresh = True
 
     def begin(self, islands: Islands) -> None:
-        """Restart the iterations of islands."""
+        """Start the iterations of islands anew."""
         self.islands, self._space = islands, self.coarse
         self._columns = None
         curved = self._graph.cracked[islands.bonds]
@@ -87,7 +87,7 @@ class ConjugateGradients:
         self._products = np.zeros(len(islands.part) - 1)
 
     def confine(self, sets: Islands) -> None:
-        """Restart the iterations of sets of parts, with all around them held fixed."""
+        """Start the iterations of sets of parts anew, with all other parts held fixed."""
         graph = self._graph
         self.begin(sets)
         self._space = None  # formed when it is needed
@@ -101,7 +101,7 @@ class ConjugateGradients:
 
         :param displacement, residual: [m, rad] and [N, N·m], (N + 1, 6), changed in place.
         :param target: largest nodal residual to stop at [N].
-        :param limit: largest number of iterations, of each island.
+        :param limit: largest number of iterations on each island.
         :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
         """
         parts, bonds, part, bond = self.islands

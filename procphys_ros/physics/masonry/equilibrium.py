@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Equilibrium: bonds, the displacements of what they join, and the loads not yet balanced."""
+"""Equilibrium: bonds, displacements of their parts, and loads that are not yet balanced."""
 
 from collections.abc import Sequence
 
@@ -22,26 +22,26 @@ from procphys_ros.physics.masonry import components, links, pcg
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.joints import CrackedJoints
 
-_IN_MOTION = 1e-3  # [m] further than that, parts are moved by a mechanism and not bent
+_IN_MOTION = 1e-3  # [m] larger displacements are those of a mechanism, not of bending
 
 
 class Equilibrium:
     """
     A bond graph under load: K·u, f, and the residual f - K·u.
 
-    Every change of bonds or loads keeps the residual exact, so what is left to be solved is always
-    known. Parts without a path of bonds to the ground are falling: excluded, all their rows zero.
+    Every change of bonds or loads keeps the residual exact.
+    Parts without a path of bonds to the ground are falling: excluded, all their rows zero.
 
-    :param graph: the bonds; `cut`, `narrow`, `weaken` and `crack` alone change them.
+    :param graph: the bonds; only `cut`, `narrow`, `weaken` and `crack` change them.
     :param gravity: [m/s²], (3,).
 
     :ivar joints: those of the bonds that have cracked.
     :ivar weight: of the parts [N], (N + 1, 6); like in all arrays the last row is the ground.
     :ivar displacement: of the parts, u and φ [m, rad], world, (N + 1, 6).
-    :ivar residual: load that nothing balances yet [N, N·m], (N + 1, 6).
+    :ivar residual: unbalanced load [N, N·m], (N + 1, 6).
     :ivar sudden: whether dynamic loads of released forces still act.
     :ivar labels: component of each part, see `components.label`, (N,).
-    :ivar supported: parts that hold on to the ground, (N,) bool.
+    :ivar supported: parts connected to the ground, (N,) bool.
     """
 
     graph: BondGraph
@@ -67,9 +67,9 @@ class Equilibrium:
 
     def adopt(self, other: 'Equilibrium', first: int, bonds: np.ndarray) -> None:
         """
-        Take over bonds, displacements and loads of parts that follow each other here.
+        Copy bonds, displacements and loads of parts that are consecutive here.
 
-        :param first: the first of these parts.
+        :param first: row of the first of these parts.
         :param bonds: rows here of the bonds there, (M,).
         """
         self.graph.adopt(other.graph, np.arange(len(other.graph)), bonds)
@@ -83,11 +83,11 @@ class Equilibrium:
 
     def replace_loads(self, force: np.ndarray, moment: np.ndarray | None) -> np.ndarray:
         """
-        Replace the loads that act besides the weight; the residual is left to the caller.
+        Replace the loads besides the weight; the caller updates the residual.
 
         :param force: at the centres of mass, world [N], (N, 3).
         :param moment: about the centres of mass, world [N·m], (N, 3).
-        :returns: what is to be added to the residual [N, N·m], (N + 1, 6).
+        :returns: change of the residual [N, N·m], (N + 1, 6).
         :raises ValueError: when a load is not finite.
         """
         new = np.zeros_like(self._given)
@@ -103,9 +103,9 @@ class Equilibrium:
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float) -> None:
         """
-        Break living bonds, (K,) rows; what they carried becomes residual.
+        Break living bonds, (K,) rows; add their forces to the residual.
 
-        :param dynamic_factor: how many times the released forces count until they fade.
+        :param dynamic_factor: factor on the released forces until they fade.
         """
         released = np.zeros_like(self.residual)
         self.joints.add_pulls(bonds, self.displacement, released, -1.0)
@@ -115,24 +115,24 @@ class Equilibrium:
         self.relabel()
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-        """Open bonds partly and for good, see `BondGraph.narrow`."""
+        """Open bonds partly and permanently, see `BondGraph.narrow`."""
         self.joints.add_pulls(bonds, self.displacement, self.residual, -1.0)
         self.graph.narrow(bonds, low, high)
         self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
 
     def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
-        """Take stiffness from reinforced bonds, see `BondGraph.weaken`."""
+        """Reduce the stiffness of reinforced bonds, see `BondGraph.weaken`."""
         self.joints.add_pulls(bonds, self.displacement, self.residual, -1.0)
         self.graph.weaken(bonds, share)
         self.joints.add_pulls(bonds, self.displacement, self.residual, 1.0)
 
     def crack(self, bonds: np.ndarray) -> None:
         """
-        Crack whole bonds: from now on they only press and rub, see `joints`.
+        Crack whole bonds: from now on they carry only pressure and friction, see `joints`.
 
-        Those without any strength crack in a state of stress that could never be, pulled where
-        they press in truth. Friction by that pressure would hold no flat arch, so they stick until
-        a first balance is found.
+        Bonds without any strength crack in an inadmissible state of stress, in tension where the
+        true state is compression. Friction under that pressure would hold no flat arch, so they
+        stick until a first equilibrium is found.
         """
         mortar = self.graph.mortar
         self.graph.cracked[bonds] = True
@@ -145,9 +145,9 @@ class Equilibrium:
 
     def fade_sudden(self, share: float) -> np.ndarray:
         """
-        Take away a share of the dynamic part of released forces.
+        Subtract a share of the dynamic part of released forces.
 
-        :returns: what this added to the residual, (N + 1, 6).
+        :returns: change of the residual, (N + 1, 6).
         """
         change = -share * self._sudden
         self.residual += change
@@ -157,9 +157,9 @@ class Equilibrium:
 
     def overshoot(self, sound: np.ndarray) -> float:
         """
-        Give the energy with which what was released at once swings beyond its balance [J].
+        Compute the energy of the dynamic overshoot after sudden releases [J].
 
-        Half of force times amplitude of an undamped oscillator, which has gone that far twice.
+        Half of force times amplitude of an undamped oscillator, which moves twice the amplitude.
 
         :param sound: displacements before the release, (N + 1, 6).
         """
@@ -168,13 +168,13 @@ class Equilibrium:
         return 0.25 * float((self._sudden * (self.displacement - sound)).sum())
 
     def relabel(self) -> None:
-        """Find the islands; those that lost the ground leave the system."""
+        """Label the islands; remove those without support from the system."""
         graph = self.graph
         self.labels, self.supported = components.label(graph.count, graph.first, graph.second,
                                                        graph.alive)
         falls = components.joints_of_fallen(graph.first, graph.second, graph.cracked,
                                             self.supported)
-        if len(falls):  # nothing presses them together any more
+        if len(falls):  # no load presses them together any more
             graph.cut(falls)
             self.relabel()
             return
@@ -182,7 +182,7 @@ class Equilibrium:
                                                self._sudden)
 
     def rewind(self, displacement: np.ndarray) -> None:
-        """Return to displacements, (N + 1, 6); the residual is worked out anew."""
+        """Restore earlier displacements, (N + 1, 6), and recompute the residual."""
         graph = self.graph
         self.displacement[:-1] = np.where(self.supported[:, None], displacement[:-1], 0.0)
         self.residual = self.weight + self._given + self._sudden
@@ -194,13 +194,13 @@ class Equilibrium:
         self.joints.soften(rows)
 
     def moved_from(self, displacement: np.ndarray) -> np.ndarray:
-        """List the parts that are no longer where they were, displacements (N + 1, 6)."""
+        """List the parts that have moved since earlier displacements, (N + 1, 6)."""
         way = np.abs(self.displacement - displacement)[:-1, :3].max(axis=1)
         return np.flatnonzero(self.supported & (way > _IN_MOTION))
 
     def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
         """
-        Give force and moment with which the second part pulls the first, in the bond frames.
+        Return force and moment of the second part on the first, in the bond frames.
 
         :param bonds: rows of the graph, (K,); None = all.
         :returns: tension positive along z [N, N·m], (K, 6); zero for dead bonds and falling
@@ -222,24 +222,24 @@ class Equilibrium:
         return out
 
     def residual_sizes(self) -> np.ndarray:
-        """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
+        """Return the nodal residuals [N], (N,): force, or moment over the part's reach."""
         return pcg.residual_sizes(self.residual, self.graph.reach)
 
     def settle(self) -> None:
-        """Make slip in cracked joints permanent, once the present loads are carried."""
+        """Make slip in cracked joints permanent once the present loads are balanced."""
         rows = np.flatnonzero(self.graph.cracked)
         if len(rows):
             self.joints.settle(rows, self.displacement)
 
     def openings(self) -> np.ndarray:
-        """Give how far the faces of each cracked joint are apart at their widest [m], (M,)."""
+        """Return the widest opening of each cracked joint [m], (M,)."""
         rows = np.flatnonzero(self.graph.cracked)
         out = np.zeros(len(self.graph))
         out[rows] = self.joints.openings(rows, self.displacement)
         return out
 
     def linear(self) -> np.ndarray:
-        """Mark the parts of islands without cracked joints, whose answer is linear, (N,) bool."""
+        """Mark the parts of islands without cracked joints, which respond linearly, (N,) bool."""
         graph = self.graph
         cracked = np.zeros(graph.count, bool)
         rows = np.flatnonzero(graph.cracked)

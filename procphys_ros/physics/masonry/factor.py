@@ -24,27 +24,27 @@ from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
-import scipy  # its parts are imported by their first use
+import scipy  # subpackages are imported on first use
 
 from procphys_ros.compilation import kernel, subroutine
 
-_SINGULAR = 1e-11  # pivot over the diagonal of the matrix, below which nothing holds a motion
+_SINGULAR = 1e-11  # pivot over the diagonal of the matrix, below which a motion is free
 
 
 class Factor:
     """
     L·D·Lᵀ of a symmetric positive definite matrix, L unit lower triangular.
 
-    Motions that nothing holds, as of what has come loose, are left out: their solution is zero.
+    Free motions, as of loose parts, are left out: their solution is zero.
 
-    :param start, column: places of the blocks by rows, sorted, diagonal included, (n + 1,), (K,).
+    :param start, column: block pattern by rows, sorted, diagonal included, (n + 1,), (K,).
     :param blocks: all of the matrix, symmetric, (K, 6, 6).
 
     :ivar panels: arguments of `solve`: unknown of each column, start of its rows in L (n + 1,),
         these rows, the numbers there in single precision, and inverses of D. The numbers of a
-        column are a matrix of their own, transposed: six rows, as long as the column is high, for
-        processors to work on several at once. Single precision makes the solution that of another
-        matrix nearby, just as symmetric and positive; half as many bytes are to be moved.
+        column are stored transposed, as six rows of the height of the column, for SIMD. Single
+        precision halves the memory traffic; the solution is that of a nearby matrix, also
+        symmetric and positive.
     """
 
     def __init__(self, start: np.ndarray, column: np.ndarray, blocks: np.ndarray):
@@ -63,7 +63,7 @@ class Factor:
 
     @classmethod
     def chained(cls, factors: Sequence['Factor']) -> Self:
-        """Put the factors of matrices that have nothing in common behind each other."""
+        """Concatenate the factors of independent matrices."""
         factor = cls.__new__(cls)
         size = np.cumsum([0] + [len(each._rank) for each in factors])
         filled = np.cumsum([0] + [len(each.panels[2]) for each in factors])
@@ -77,26 +77,26 @@ class Factor:
 
     def reached(self, unknowns: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """
-        Return which columns have to do with some unknowns: their own and all that these lead to.
+        List the columns reached from some unknowns: their own and their ancestors.
 
         With a right-hand side that is zero elsewhere, `solve` needs no others for their solution
         (Gilbert 1994, SIAM J. Matrix Anal. Appl. 15(1)).
 
-        :param unknowns: of several sets, one behind the other, (U,).
-        :param start: where those of each set start, (S + 1,).
-        :returns: columns of each set, ascending, and where they start, (S + 1,).
+        :param unknowns: of several sets, concatenated, (U,).
+        :param start: start of the unknowns of each set, (S + 1,).
+        :returns: columns of each set, ascending, and their starts, (S + 1,).
         """
         _, below, rows, _, _ = self.panels
         return _reached(unknowns, start, self._rank, below, rows)
 
 
 def _shifted(columns: Sequence[np.ndarray], before: np.ndarray) -> np.ndarray:
-    """Put columns of numbers behind each other, each with what comes before it added."""
+    """Concatenate arrays of indices, each shifted by its offset."""
     return np.concatenate([column + start for column, start in zip(columns, before)])
 
 
 def _ordering(pattern: 'scipy.sparse.csc_matrix') -> np.ndarray:
-    """Give the block that each column of the factor stands for: little fill, (n,)."""
+    """Compute a fill-reducing ordering: the block of each column of the factor, (n,)."""
     count = pattern.shape[0]
     pattern = pattern.copy()
     pattern.data[:] = -1.0
@@ -108,7 +108,7 @@ def _ordering(pattern: 'scipy.sparse.csc_matrix') -> np.ndarray:
 
 @subroutine
 def _elimination_tree(start, column, order, rank):
-    """Give the parent of each column: the first row below the diagonal of L; -1 = a root."""
+    """Compute the parent of each column: the first row below the diagonal of L; -1 = a root."""
     parent, ancestor = np.full(len(order), -1), np.full(len(order), -1)
     for i in range(len(order)):
         for k in range(start[order[i]], start[order[i] + 1]):
@@ -125,10 +125,10 @@ def _elimination_tree(start, column, order, rank):
 @kernel(nogil=True)
 def _symbolic(start, column, order, rank):
     """
-    Find where L has blocks.
+    Compute the block pattern of L.
 
-    :returns: start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,), the
-        places in the columns, and these columns.
+    :returns: start of each column (n + 1,), its rows ascending, and by rows: start (n + 1,),
+        indices into the columns, and these columns.
     """
     count, parent = len(order), _elimination_tree(start, column, order, rank)
     below, across = np.zeros(count + 1, np.int64), np.zeros(count + 1, np.int64)
@@ -165,7 +165,7 @@ def _symbolic(start, column, order, rank):
 
 @kernel(nogil=True)
 def _factor(start, column, blocks, rank, fill, panels):
-    """Work out the columns one after the other."""
+    """Compute the columns of L and D one after the other."""
     below, rows, across, place, owner = fill
     order, _, _, single, inverse = panels
     lower, scaled = np.empty((2, len(rows), 6, 6))  # L and L·D
@@ -215,7 +215,7 @@ def _subtract(total, left, right):
 
 @kernel
 def _turned(out, matrix):
-    """Write the transpose of a 6 x 6 matrix; assignments of slices take seconds to compile."""
+    """Write the transpose of a 6 x 6 matrix; slice assignments take seconds to compile."""
     for r in range(6):
         for c in range(6):
             out[r, c] = matrix[c, r]
@@ -226,7 +226,7 @@ def _invert(matrix, scale, out):
     """
     Invert a symmetric matrix by the sweep operator (Goodnight 1979, Am. Stat. 33(3)).
 
-    :param scale: what pivots are compared with, (6,); rows of vanishing pivots become zero.
+    :param scale: magnitude that pivots are compared with, (6,); rows of vanishing pivots become 0.
     """
     for r in range(6):
         for c in range(6):
@@ -255,7 +255,7 @@ def _invert(matrix, scale, out):
 
 @kernel
 def _reached(unknowns, start, rank, below, rows):
-    """List the columns on the ways from unknowns to the roots of the elimination tree."""
+    """List the columns on the paths from unknowns to the roots of the elimination tree."""
     seen = np.full(len(rank), -1)
     columns, begin = np.empty(len(rank), np.int64), np.zeros(len(start), np.int64)
     for s in range(len(start) - 1):
@@ -282,7 +282,7 @@ def _reached(unknowns, start, rank, below, rows):
 
 @kernel
 def clear(panels, columns, b):
-    """Zero the unknowns of some columns, see `solve`."""
+    """Set the unknowns of some columns to zero, see `solve`."""
     order = panels[0]
     for j in columns:
         b[order[j]] = 0.0
@@ -294,7 +294,7 @@ def solve(panels, columns, b, work):
     Solve L·D·Lᵀ x = b in place.
 
     :param panels: of `Factor`.
-    :param columns: to work on, ascending, see `Factor.reached`.
+    :param columns: columns to solve for, ascending, see `Factor.reached`.
     :param b: right-hand side, overwritten by the solution, (n, 6).
     :param work: scratch, (n, 6).
     """

@@ -30,10 +30,10 @@ from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
 _ROUGH = 10.0  # tolerances of the solver, at which utilisations are right to 0.1 or so (test), ...
-_CLEARLY = 2.0  # ... and from which utilisation on bonds may break so early
-_HOPELESS = 3.0  # utilisation under a blow that others do not relieve before it is over
-_RUNNING = 3.0  # utilisation from which on a crack does not wait for what it leaves to respond
-_FAINT = 0.01  # of a blow, on the part that it hits hardest: what may be left of it unbalanced
+_CLEARLY = 2.0  # ... and the least utilisation at which bonds break that early
+_HOPELESS = 3.0  # utilisation under a blow that no redistribution relieves before it ends
+_RUNNING = 3.0  # utilisation beyond which a crack runs on before the remaining bonds respond
+_FAINT = 0.01  # of a blow, on the part that it hits hardest: tolerated unbalanced load
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class Failures:
     :ivar cause: `causes.Cause`, (K,) uint8.
     :ivar utilisation: demand over capacity at failure, (K,).
     :ivar broken: True where the bond is gone, False where it only cracked, (K,) bool.
-    :ivar had_cracked: True where it had cracked in an earlier round, and now is gone or, if it is
+    :ivar had_cracked: True where it had cracked in an earlier round, and now is gone or, if
         reinforced, yields, (K,) bool.
     """
 
@@ -63,18 +63,18 @@ class Failures:
 
 class Fracture:
     """
-    Judge bonds when the stresses have converged, or fail what clearly fails shortly before.
+    Fail bonds at convergence of the stresses, and clearly overloaded ones shortly before.
 
-    A bond that is pulled or sheared beyond its strength, and pressed on the whole, cracks: from
-    then on it presses and rubs, opens and closes (`joints`), wherever what it carries passes. One
-    that is pulled apart or crushed is gone. Bonds without any strength always crack, and all
-    at once: they lose nothing by it. Reinforced ones hang on by their steel (`ties`). What no
-    equilibrium holds is parted at the joints that open or slide in its motion, and falls if that
-    leaves it loose; what drifts elastically comes off as a lump (`mechanisms`).
+    A bond beyond its tensile or shear strength, but in compression on the whole, cracks: from
+    then on it carries pressure and friction, opens and closes (`joints`), wherever its resultant
+    lies. A bond that is pulled apart or crushed is gone. Bonds without any strength always crack,
+    all at once: they have none to lose. Reinforced bonds hold by their steel (`ties`). Parts
+    without equilibrium are cut at the joints that open or slide in their motion, and fall if that
+    leaves them loose; parts that drift elastically come off as a lump (`mechanisms`).
 
-    The last stretch to equilibrium takes nearly half of the iterations, and matters to bonds near
-    their limit alone. So each problem is glanced at once on the way: if its worst bond carries
-    twice its strength, it fails then. Nothing counts as sound before convergence.
+    The last stretch to equilibrium takes nearly half of the iterations, and matters only to bonds
+    near their limit. So each problem is checked once on the way: if its worst bond carries
+    twice its strength, it fails then. No state counts as sound before convergence.
 
     :param solver: loads are set there; bonds crack and break there.
     :param dynamic_factor: of bonds that break by overload, see `StressSolver.cut`.
@@ -100,22 +100,22 @@ class Fracture:
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
 
     def adopt(self, before: 'Fracture') -> None:
-        """Continue the blow of another fracture, whose parts are the first of these."""
+        """Continue the blow of another fracture whose parts are the first ones here."""
         self._thrown, self._hanging = before._thrown, before._hanging
 
     @property
     def stable(self) -> bool:
-        """Whether the present loads are carried and the last judgement broke nothing."""
+        """Whether the present loads are balanced and the last check broke no bond."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
     def advance(self, iterations: int, most: int | None = None) -> list[Failures]:
         """
-        Spend some iterations; fail what is overloaded each time that equilibrium is reached.
+        Iterate; fail overloaded bonds each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
-        :param most: rounds in which something cracks or breaks, but for those that run on; None =
-            as many as there are.
-        :returns: one entry per round in which something cracked or broke.
+        :param most: largest number of rounds with failures, not counting those that run on; None =
+            unlimited.
+        :returns: one entry per round with failures.
         """
         solver, graph = self.solver, self.solver.graph
         rounds: list[Failures] = []
@@ -132,7 +132,7 @@ class Fracture:
                 break
             self._glanced = solver.problem
             if not settled and len(solver.adrift(furthest)):
-                continue  # what is adrift is solved to the end
+                continue  # parts adrift are solved to convergence
             if not solver.converged and self._straighten(adrift):
                 continue
             overshoot = solver.equilibrium.overshoot(solver.sound)
@@ -148,23 +148,23 @@ class Fracture:
                 solver.forget_sudden()  # the peak has been survived
             elif solver.converged:
                 self._accept()
-            else:  # out of patience without a weak bond to blame: what has no balance falls
+            else:  # iteration limit reached without an overloaded bond: unbalanced parts fall
                 solver.cut(graph.boundary(solver.unbalanced()))
         return rounds
 
     def _accept(self) -> None:
-        """Record that the present loads are carried."""
+        """Commit the present state as an equilibrium."""
         self.solver.equilibrium.settle()
         self.solver.hold()
         self._judged = self.solver.state
 
     def prepare(self, iterations: int) -> None:
-        """Iterate on what is judged next, and do not judge it."""
+        """Iterate towards the next check of the bonds, without checking them."""
         self.solver.iterate(iterations, _ROUGH if self._glances() else 1.0)
 
     def prepare_blow(self, iterations: int, blow: float) -> None:
         """
-        Iterate on the next round of `withstand`, and do not judge it.
+        Iterate towards the next check in `withstand`, without checking the bonds.
 
         :param blow: see `withstand`.
         """
@@ -174,7 +174,7 @@ class Fracture:
         """
         Subtract the work of fracture of a round from the energy of sudden releases.
 
-        :param energy: of its swing beyond the balance before the round [J].
+        :param energy: of the overshoot before the round [J].
         """
         if energy > 0.0:
             fresh = ~failures.had_cracked
@@ -187,16 +187,15 @@ class Fracture:
         """
         Iterate on one round under loads that end soon, such as blows.
 
-        What these pull apart closes again, and is not gone. They need not be balanced to the end:
-        what carries much more than it can is found while more is left.
+        Joints that these loads open close again, and are not gone. The loads need not be balanced
+        to convergence: clearly overloaded bonds are found at larger residuals.
 
-        :param iterations: largest number; the next call goes on from there.
+        :param iterations: largest number; the next call continues from there.
         :param blow: largest force of these loads on one part [N].
-        :param relieve: asked before what no equilibrium holds is let go, with these parts; takes
-            the loads away if they do not throw it over, and says whether it has.
-        :param last: whether cracks have run by now, and only what moves is looked for.
-        :returns: the round in which something cracked or broke, if there was one, and whether the
-            loads are over.
+        :param relieve: called with the parts without equilibrium before they are released;
+            removes the loads if these do not overturn the parts, and returns whether it has.
+        :param last: whether cracks have run by now, so that only mechanisms are looked for.
+        :returns: the round with failures, if there was one, and whether the loads are over.
         """
         rounds, over = self._round(iterations, blow, relieve, last)
         if rounds or over:
@@ -243,7 +242,7 @@ class Fracture:
         return [], False
 
     def _part_thrown(self) -> list[Failures]:
-        """Release what a blow has thrown over and what still hangs on when the blow ends."""
+        """Release the parts that a blow has overturned and that still hang on at its end."""
         solver, graph = self.solver, self.solver.graph
         parts = self._hanging[solver.supported[self._hanging]]
         self._hanging = np.zeros(0, np.intp)
@@ -257,11 +256,11 @@ class Fracture:
         return [Failures(rows, cause[rows], share[rows], np.ones(len(rows), bool), had_cracked)]
 
     def _left(self, blow: float) -> float:
-        """Give the tolerated residual when all holds under a blow [N]."""
+        """Return the residual at which a blow counts as balanced [N]."""
         return max(self.solver.goal, _FAINT * blow)
 
     def _enough(self, blow: float) -> float:
-        """Give the tolerated residual when the next round is judged under a blow [N]."""
+        """Return the residual at which bonds are checked next under a blow [N]."""
         solver = self.solver
         if not solver.converged and self._released[0] != solver.problem:
             self._released = solver.problem, solver.residual
@@ -272,22 +271,22 @@ class Fracture:
         return self._judged == self.solver.state
 
     def _may_glance(self) -> bool:
-        """Return whether to judge early: nearly solved, not judged so yet, and no mechanism."""
+        """Return whether to check bonds early: nearly solved, not yet checked early."""
         solver = self.solver
         near = solver.known and solver.residual <= _ROUGH * solver.goal
         return near and self._glances()
 
     def _glances(self) -> bool:
-        """Return whether the next judgement is an early one."""
+        """Return whether the next check of the bonds is an early one."""
         return self._glanced != self.solver.problem
 
     def _judge(self, adrift: np.ndarray, least: float, balanced: bool,
                brief: bool = False) -> Failures:
         """
-        Fail what fails, if anything does; the worst bond must carry `least` its strength.
+        Fail the overloaded bonds, if the worst one carries `least` times its strength.
 
-        :param balanced: whether what is left unbalanced matters to no bond.
-        :param brief: whether the loads are soon over.
+        :param balanced: whether the residual is too small to matter to any bond.
+        :param brief: whether the loads end soon.
         """
         solver = self.solver
         graph = solver.graph
@@ -299,7 +298,7 @@ class Fracture:
             chosen[strength.worst_first(graph, share, self.band, hopeless)] = True
             chosen |= (share > 1.0) & self._dry
         moving = self._lets_go(adrift, share, balanced)
-        cause[moving] = Cause.TENSION  # nothing to redistribute to: they go at once
+        cause[moving] = Cause.TENSION  # without redistribution they break at once
         bonds = np.flatnonzero(chosen | moving)
         gone = ~((wrench[bonds, 2] < 0.0) | self._dry[bonds] | brief)
         gone |= (cause[bonds] == Cause.COMPRESSION) | graph.narrowed(bonds)
@@ -313,20 +312,20 @@ class Fracture:
         return Failures(bonds, cause[bonds], share[bonds], gone, had_cracked)
 
     def _lets_go(self, adrift: np.ndarray, share: np.ndarray, balanced: bool) -> np.ndarray:
-        """Mark the overloaded bonds that break because what they hold has no balance, (M,)."""
+        """Mark the overloaded bonds that release parts without equilibrium, (M,) bool."""
         solver, graph = self.solver, self.solver.graph
         moving = np.zeros(len(graph), bool)
         if len(adrift):
             moving = mechanisms.loosening(graph, share, adrift, solver.labels, solver.drift)
             if not balanced and not moving.any():
-                moving[graph.neighbours(adrift)] = True  # displacements that tell nothing
+                moving[graph.neighbours(adrift)] = True  # the displacements are meaningless
         return moving & (share > 1.0)
 
     def _straighten(self, parts: np.ndarray) -> bool:
         """
-        Make the cracked joints of parts without equilibrium linear again; tell if any was not.
+        Linearise the cracked joints of parts without equilibrium; return whether there were any.
 
-        They become bonds as narrow as they are pressed, or are gone if they are not.
+        They become bonds of the width of their pressed zone, or are gone without one.
         """
         solver, graph = self.solver, self.solver.graph
         rows = graph.neighbours(parts)

@@ -13,14 +13,14 @@
 # limitations under the License.
 
 """
-Fracture of pieces in flight: the stresses that a blow makes in a free body, and what they break.
+Fracture of pieces in flight: stresses and broken bonds of a free body under a blow.
 
-A free body answers a blow by accelerating as a whole. In its own frame the loads of the blow and
-the inertia forces of all its parts are in balance (inertia relief), so the bonds inside carry what
-a static analysis of these loads gives. Bonds and lever arms are those of the blueprint: the loads
-are turned into it, not the piece out of it. Gravity accelerates all parts alike and so makes no
-stress. The matrix is singular by the six rigid motions but the loads have no share in them, and
-conjugate gradients that start from zero never leave the space where it is definite
+A free body accelerates as a whole under a blow. In its own frame the loads of the blow and
+the inertia forces of all its parts are in balance (inertia relief), so a static analysis of these
+loads yields the wrenches of its bonds. Bonds and lever arms are those of the blueprint: the loads
+are rotated into its frame, not the piece out of it. Gravity accelerates all parts alike and so
+causes no stress. The matrix is singular by the six rigid motions, but the loads have no component
+along them, and conjugate gradients that start from zero stay in the subspace where it is definite
 (Kaasschieter 1988, J. Comput. Appl. Math. 24).
 """
 
@@ -36,19 +36,19 @@ from procphys_ros.physics.masonry import blow_kernels, cells, components, links
 from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.physics.masonry.graph import BondGraph
 
-_SLENDER = 4.0     # length of the parts over the least side of their joints, from which on pieces
-#                    are members that bend: boards and battens; head joints of bricks reach 3.5
+_SLENDER = 4.0     # least length of the parts over the shortest side of their joints in members
+#                    that bend: boards and battens; head joints of bricks reach 3.5
 
 
 @dataclass(frozen=True)
 class Breakage:
     """
-    What a blow broke.
+    Bonds that a blow broke, and the pieces that are left.
 
     :ivar bonds: rows of the blueprint, (K,).
     :ivar load: demand over capacity of each, (K,).
-    :ivar pieces: the parts of each piece that is left, the largest first; one when it held.
-    :ivar share: how much of the blow the bonds could transmit before they broke, 0 to 1.
+    :ivar pieces: the parts of each remaining piece, the largest first; one when it held.
+    :ivar share: share of the blow that the bonds transmitted before they broke, 0 to 1.
     """
 
     bonds: np.ndarray
@@ -59,14 +59,14 @@ class Breakage:
 
 class FreeBodies:
     """
-    All bonds of a blueprint, hinges of wood and mortar alike, as far as they fly about.
+    Bonds of the free bodies of a blueprint, hinges of wood and mortar alike.
 
     :param blueprint: parts and bonds at rest.
     :param graph: its bonds, see `as_mortar`; None = made from it.
 
     :ivar graph: the bonds; row = row of the blueprint.
-    :ivar weakest: least force that can break a bond of each part [N], inf without bonds, (N,).
-    :ivar weakest_bent: least moment that can break a bond of each part of a slender member
+    :ivar weakest: least force that breaks a bond of each part [N], inf without bonds, (N,).
+    :ivar weakest_bent: least moment that breaks a bond of each part of a slender member
         [N·m], inf elsewhere, (N,).
     """
 
@@ -82,7 +82,7 @@ class FreeBodies:
         self._inertia = np.ascontiguousarray(np.stack([
             np.stack([links.turned(axes, blueprint.inertia, i, k) for k in range(3)], axis=-1)
             for i in range(3)], axis=-2))
-        self._rank = np.random.default_rng(0).permutation(len(blueprint))  # where cells start
+        self._rank = np.random.default_rng(0).permutation(len(blueprint))  # seeds of the cells
         self._place = np.full(len(blueprint) + 1, -1, np.int32)
         graph = self.graph
         mortar = graph.mortar
@@ -102,22 +102,22 @@ class FreeBodies:
         self.weakest_bent = _least(graph, moment)
 
     def reset(self) -> None:
-        """Make every bond whole again."""
+        """Restore every bond."""
         self.graph.restore()
 
     def take_over(self, graph: BondGraph, parts: np.ndarray) -> None:
         """
-        Take over the bonds of falling parts as their building left them: broken, opened or whole.
+        Copy the bonds of falling parts from their building: broken, opened or whole.
 
-        :param graph: of the building.
-        :param parts: that fall, (P,).
+        :param graph: bond graph of the building.
+        :param parts: falling parts, (P,).
         """
         falls = np.zeros(graph.count + 1, bool)
         falls[parts] = True
         bonds = np.flatnonzero(falls[graph.first] & falls[graph.second])
         rows = graph.rows[bonds]
         self.graph.adopt(graph, bonds, rows)
-        self.graph.cut(rows[graph.cracked[bonds]])  # nothing presses them together in flight
+        self.graph.cut(rows[graph.cracked[bonds]])  # no load presses them together in flight
 
     def pieces(self, parts: np.ndarray) -> list[np.ndarray]:
         """List the connected pieces of some parts, the largest first."""
@@ -130,13 +130,13 @@ class FreeBodies:
         """
         Break one free piece by a blow.
 
-        :param parts: what hangs together, (P,).
+        :param parts: parts of the piece, (P,).
         :param wrenches: force and moment of the blow at the centres of mass of the parts, in the
             frame of the blueprint [N], [N·m], (P, 6).
-        :param wanted: in about how many cells the piece may break; with as many as there are
-            parts each is a cell.
-        :param energy: that the blow takes from the motion of the bodies [J]; a piece that yields
-            makes it longer and gentler.
+        :param wanted: approximate number of cells between which the piece may break; when it is
+            the number of parts, each part is a cell.
+        :param energy: kinetic energy taken by the blow [J]; a compliant piece makes the blow
+            longer and weaker.
         """
         return self.strike_all([parts], wrenches, [wanted], [energy])[0]
 
@@ -184,7 +184,7 @@ def _largest_first(parts: np.ndarray, label: np.ndarray) -> list[np.ndarray]:
 
 
 def _least(graph: BondGraph, value: np.ndarray) -> np.ndarray:
-    """Give the least value of the bonds of each part, (N,)."""
+    """Compute the least value over the bonds of each part, (N,)."""
     out = np.full(graph.count + 1, np.inf)
     np.minimum.at(out, graph.first, value)
     np.minimum.at(out, graph.second, value)

@@ -23,7 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Mortar
 from procphys_ros.physics.masonry import links, members
 
-HUB = 24  # bonds; a part with more of them (a slab) is long compared with what it ties together
+HUB = 24  # bonds; a part with more of them (a slab) is long compared with its neighbours
 
 
 class BondGraph:
@@ -31,30 +31,30 @@ class BondGraph:
     Mortar bonds of a blueprint as flat arrays, in the frame of its poses.
 
     A bond is a bed of springs over its patch: relative displacement of the two parts at the
-    centroid meets k_n·A along the normal and k_s·A along the patch, relative rotation meets
+    centroid meets k_n·A along the normal and k_s·A along the patch; relative rotation meets
     k_n·I_x, k_n·I_y (bending) and k_s·(I_x + I_y) (twist), with I_x = A·e_y²/12.
 
     :ivar count: number of parts of the blueprint, N.
     :ivar rows: row of each bond in `Blueprint.bonds`, (M,).
     :ivar first, second: parts that the bond joins, the normal points from first to second;
         N is the ground, (M,) int32.
-    :ivar alive: bonds that still carry something, (M,) bool.
-    :ivar cracked: of these the ones that only press and rub, see `joints`, (M,) bool.
+    :ivar alive: bonds that still carry load, (M,) bool.
+    :ivar cracked: living bonds with only pressure and friction, see `joints`, (M,) bool.
     :ivar coupling: of the cracked ones, see `links`, (M, 6).
-    :ivar grip: share of its stiffness that a bond has at the moment, (M,).
-    :ivar held: share of its stiffness that a reinforced bond has kept since it cracked; 1 where it
-        has not, and in all others, (M,).
+    :ivar grip: present share of the stiffness of a bond, (M,).
+    :ivar held: remaining share of the stiffness of a cracked reinforced bond; 1 in all other
+        bonds, (M,).
     :ivar centroid: middle of the patch [m], (M, 3).
     :ivar axes: bond frame, columns are x, y along the patch and z the normal, (M, 3, 3).
     :ivar area: of the patch [m²], (M,).
     :ivar extent: patch along its x and y [m], (M, 2).
-    :ivar whole_extent: the same before anything opened [m], (M, 2).
+    :ivar whole_extent: the same before any opening [m], (M, 2).
     :ivar spring: stiffness along x, y, z [N/m] and about x, y, z [N·m/rad], (M, 6).
     :ivar mortar: strengths and stiffnesses, one row per bond.
     :ivar mass: of the parts [kg], (N,).
     :ivar centre: centres of mass [m], (N, 3).
-    :ivar reach: half of the longest side of a part, the lever that makes its residual moment
-        comparable to a force [m], (N,).
+    :ivar reach: half of the longest side of a part, the lever arm that converts its residual
+        moment to a force [m], (N,).
     :ivar pieces: parts between two reinforced bonds, see `members`.
     :ivar start, incident: bonds of part i are incident[start[i]:start[i + 1]].
     """
@@ -84,9 +84,9 @@ class BondGraph:
     def chained(cls, blueprint: Blueprint,
                 graphs: Sequence[tuple['BondGraph', int]]) -> 'BondGraph':
         """
-        Give the graph of a blueprint from those of blueprints that it chains.
+        Concatenate the graphs of blueprints that follow each other in one blueprint.
 
-        :param graphs: whole, with the number of each one's first part; they have all bonds.
+        :param graphs: undamaged graphs, each with the row of its first part; they have all bonds.
         """
         graph = cls.__new__(cls)
         graph._take_parts(blueprint)
@@ -142,16 +142,16 @@ class BondGraph:
                                         self.spring[bonds])
 
     def cut(self, bonds: np.ndarray) -> None:
-        """Break bonds: they carry nothing any more."""
+        """Break bonds; they carry no load from now on."""
         self.alive[bonds] = False
         self.cracked[bonds] = False
         self.links[bonds, 6:] = 0.0
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
         """
-        Leave only a part of the patch of some bonds: the rest has opened.
+        Reduce the patch of some bonds to the part that has not opened.
 
-        :param low, high: what remains, in the bond frame from the present centroid [m], (K, 2).
+        :param low, high: corners of that part, bond frame, from the present centroid [m], (K, 2).
         """
         middle = 0.5 * (low + high)
         share = (high - low) / self.extent[bonds]
@@ -163,21 +163,21 @@ class BondGraph:
         self._spread(bonds)
 
     def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
-        """Leave reinforced bonds, (K,) rows, so much of the stiffness they have, (K,)."""
+        """Scale the stiffness of reinforced bonds, (K,) rows, by a share each, (K,)."""
         self.held[bonds] *= share
         self._spread(bonds)
 
     def narrowed(self, bonds: np.ndarray) -> np.ndarray:
-        """Return which bonds have been narrowed, (K,) bool."""
+        """Mark the bonds that have been narrowed, (K,) bool."""
         return np.any(self.extent[bonds] != self.whole_extent[bonds], axis=1)
 
     def has_cracked(self, bonds: np.ndarray) -> np.ndarray:
-        """Return which bonds have cracked, reinforced ones included, (K,) bool."""
+        """Mark the bonds that have cracked, reinforced ones included, (K,) bool."""
         return self.cracked[bonds] | (self.held[bonds] < 1.0)
 
     def adopt(self, other: 'BondGraph', theirs: np.ndarray, mine: np.ndarray) -> None:
         """
-        Bring bonds into the state that the same bonds have in another graph.
+        Copy the state of bonds from the same bonds in another graph.
 
         :param theirs: rows there, (K,).
         :param mine: rows here, (K,).
@@ -189,7 +189,7 @@ class BondGraph:
         self.links[mine[~self.alive[mine]], 6:] = 0.0
 
     def restore(self) -> None:
-        """Make every bond whole again."""
+        """Restore every bond."""
         changed = ~self.alive | self.cracked | (self.held < 1.0)
         changed |= self.narrowed(np.arange(len(self)))
         self.alive[:] = True
@@ -201,26 +201,26 @@ class BondGraph:
         self._spread(np.flatnonzero(changed))
 
     def bonds_of(self, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Give the bonds of each part, dead ones included: places of the parts, and rows, (B,)."""
+        """List the bonds of each part, dead ones included: index into parts, and row, (B,)."""
         parts = np.atleast_1d(parts)
         first, count = self.start[parts], self.start[parts + 1] - self.start[parts]
         own = np.arange(count.sum()) + np.repeat(first - np.cumsum(count) + count, count)
         return np.repeat(np.arange(len(parts)), count), self.incident[own]
 
     def neighbours(self, parts: np.ndarray) -> np.ndarray:
-        """Give the bonds that touch any of the parts, dead ones included, sorted."""
+        """List the bonds of any of the parts, dead ones included, sorted."""
         found = np.zeros(len(self), bool)
         found[self.bonds_of(parts)[1]] = True
         return np.flatnonzero(found).astype(self.incident.dtype)
 
     def parts_of(self, bonds: np.ndarray) -> np.ndarray:
-        """Give the parts that some bonds join, sorted."""
+        """List the parts that some bonds join, sorted."""
         touched = np.zeros(self.count + 1, bool)  # the last entry is the ground
         touched[self.first[bonds]] = touched[self.second[bonds]] = True
         return np.flatnonzero(touched[:-1])
 
     def boundary(self, parts: np.ndarray) -> np.ndarray:
-        """Give the living bonds that tie a set of parts to anything outside it."""
+        """List the living bonds between a set of parts and its surroundings."""
         inside = np.zeros(self.count + 1, bool)  # the last entry is the ground
         inside[parts] = True
         bonds = self.neighbours(parts)
@@ -228,5 +228,5 @@ class BondGraph:
         return bonds[crossing & self.alive[bonds]]
 
     def grounded(self) -> np.ndarray:
-        """Mark the living bonds that hold on to the ground, (M,) bool."""
+        """Mark the living bonds to the ground, (M,) bool."""
         return self.alive & ((self.first == self.count) | (self.second == self.count))

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Islands: the connected parts and bonds that are out of equilibrium, listed one after another."""
+"""Islands: connected parts and bonds out of equilibrium, concatenated."""
 
 from typing import NamedTuple
 
@@ -25,11 +25,11 @@ from procphys_ros.physics.masonry.graph import BondGraph
 
 class Islands(NamedTuple):
     """
-    The islands to be worked on; those of island i are `parts[part[i]:part[i + 1]]`.
+    Islands to be solved; the parts of island i are `parts[part[i]:part[i + 1]]`.
 
     :ivar parts: of all islands, (P,).
     :ivar bonds: their living bonds, (B,).
-    :ivar part, bond: where those of each island start, (I + 1,).
+    :ivar part, bond: start of the parts and bonds of each island, (I + 1,).
     """
 
     parts: np.ndarray
@@ -38,7 +38,7 @@ class Islands(NamedTuple):
     bond: np.ndarray
 
     def cracked(self, graph: BondGraph) -> np.ndarray:
-        """List the bonds that have cracked."""
+        """List the cracked bonds of the islands."""
         return self.bonds[graph.cracked[self.bonds]]
 
 
@@ -47,7 +47,7 @@ def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> 
     List the supported islands in which a nodal residual is too large.
 
     :param sizes: nodal residuals [N], (N,).
-    :param goal: largest one that is left alone [N].
+    :param goal: largest tolerated residual [N].
     """
     graph = equilibrium.graph
     return Islands(*_gather(sizes, goal, equilibrium.labels, equilibrium.supported, graph.first,
@@ -56,9 +56,9 @@ def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> 
 
 @kernel
 def _gather(sizes, goal, labels, supported, first, second, alive):
-    """List parts and bonds island by island, these in the order of their labels."""
+    """List parts and bonds island by island, islands in the order of their labels."""
     count = len(sizes)
-    island = np.full(count, -1)  # by label, 0 where one is restless, then its number
+    island = np.full(count, -1)  # by label, 0 where out of balance, then the island's number
     found = 0
     for i in range(count):
         if sizes[i] > goal:
@@ -73,14 +73,14 @@ def _gather(sizes, goal, labels, supported, first, second, alive):
         if island[i] == 0:
             island[i] = found if supported[i] else -1
             found += supported[i]
-    place = np.zeros(len(first), np.int32)  # of the island that each bond is of
+    place = np.zeros(len(first), np.int32)  # 1 + island of each bond
     for i in range(count):
         part[island[labels[i]] + 2] += 1
     for m in range(len(first)):
         if alive[m]:
             place[m] = island[labels[min(first[m], second[m])]] + 1
             bond[place[m] + 1] += 1
-    part[1], bond[1] = 0, 0  # those of no island
+    part[1], bond[1] = 0, 0  # parts and bonds outside all islands
     for k in range(1, found + 2):
         part[k] += part[k - 1]
         bond[k] += bond[k - 1]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Kernels of cracked joints, see `joints`: their laws, tangents and motions."""
+"""Kernels of cracked joints, see `joints`: constitutive laws, tangents and motions."""
 
 import numpy as np
 
@@ -22,14 +22,14 @@ from procphys_ros.physics.masonry.links import alongside
 
 _TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
 #                 which slides as a whole, 0.3826 of its side
-_TURNED = 0.5   # cosine between the ways of friction before and after a step that went too far
-SHARE = 1e-3    # of the whole stiffness: what tangents of open joints keep at first
-SOFTER = 0.1    # change of a share after a step that was right
+_TURNED = 0.5   # cosine between the directions of friction before and after an overshooting step
+SHARE = 1e-3    # of the whole stiffness: initial tangent stiffness of open joints
+SOFTER = 0.1    # factor on a share after a well-predicted step
 
 
 @kernel(inline='always')
 def _edge(x0, y0, x1, y1, out):
-    """Add what one edge of a polygon gives to its area, first and second moments."""
+    """Add the contribution of one polygon edge to area, first and second moments."""
     c = x0 * y1 - x1 * y0
     out[0] += 0.5 * c
     out[1] += (x0 + x1) * c / 6.0
@@ -80,7 +80,7 @@ def pressed_moments(length, width, gap, tilt_x, tilt_y, out):
 
 @kernel
 def _deltas(m, first, second, centroid, centre, axes, q, out):
-    """Write how the second part moves against the first at the centroid, bond frame, (6,)."""
+    """Write the displacement of second relative to first at the centroid, bond frame, (6,)."""
     i, j = first[m], second[m]
     world = np.zeros(6)
     for body, sign in ((i, -1.0), (j, 1.0)):
@@ -103,19 +103,19 @@ def _deltas(m, first, second, centroid, centre, axes, q, out):
 
 @kernel(inline='always')
 def _radius(extent):
-    """Give the radius of friction against twist [m]."""
+    """Return the effective radius of friction against twist [m]."""
     return _TWIST * np.sqrt(extent[0] ** 2 + extent[1] ** 2)
 
 
 @kernel
 def _friction(m, d, shear, extent, place, bound, slip, out):
     """
-    Write the friction where it acts: Tx, Ty, Mz, and what slides of it.
+    Write the friction at its point of action: Tx, Ty, Mz, and its share of the elastic force.
 
-    Twist counts by its radius in strength and stiffness alike, so that friction has an energy.
+    Twist enters strength and stiffness by the same radius, so that friction has an energy.
 
     :param shear: k_s·A [N/m].
-    :param out: forces (3,), then how much of the elastic stiffness the friction is, 1 sticks.
+    :param out: forces (3,), then friction over elastic force, 1 when sticking.
     """
     x, y = place[m, 0], place[m, 1]
     radius = _radius(extent[m])
@@ -144,7 +144,7 @@ def _normal(m, d, stiffness, extent, moments, out):
 
 @kernel
 def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
-    """Add a force and moment with which the second part pulls the first to both, world axes."""
+    """Add a wrench of the second part on the first to both, world axes."""
     for body, arm, s in ((first[m], arm_first, sign), (second[m], arm_second, -sign)):
         out[body, 0] += s * force[0]
         out[body, 1] += s * force[1]
@@ -156,7 +156,7 @@ def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
 
 @kernel
 def _model(m, links, coupling, bias, first, second, q, moved, force):
-    """Write the relative motion at the link's point and the force of the tangent, world axes."""
+    """Write the relative motion at the link's point and the force of its tangent, world axes."""
     i, j = first[m], second[m]
     for c in range(3):
         k, n = (c + 1) % 3, (c + 2) % 3
@@ -178,7 +178,7 @@ def _model(m, links, coupling, bias, first, second, q, moved, force):
 
 @kernel
 def _turned(m, axes, local, world):
-    """Turn a force and a moment from the bond frame into world axes."""
+    """Rotate a force and a moment from the bond frame into world axes."""
     for r in range(3):
         world[r] = (axes[m, r, 0] * local[0] + axes[m, r, 1] * local[1] + axes[m, r, 2] * local[2])
         world[3 + r] = (axes[m, r, 0] * local[3] + axes[m, r, 1] * local[4]
@@ -187,7 +187,7 @@ def _turned(m, axes, local, world):
 
 @kernel
 def _mix(moments, share, extent):
-    """Add a share of the whole rectangle to the moments of its pressed part; give the middle."""
+    """Blend the moments of the pressed part with the whole rectangle; return the centroid."""
     area = extent[0] * extent[1]
     for c in range(6):
         moments[c] *= 1.0 - share
@@ -202,9 +202,9 @@ def _sliding(shear, share, friction, radius, away, out):
     """
     Write the tangent of friction along x and y and about z, 3 x 3, at the link's point.
 
-    Radial return in x, y and radius times twist: what slides is soft in its own direction alone.
+    Radial return in x, y and radius times twist: a sliding joint is soft only along its slide.
 
-    :param away: of the place where friction acts, from the link's point [m].
+    :param away: point where friction acts, from the link's point [m].
     """
     slides = shear * max(friction[3], share)
     size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
@@ -215,7 +215,7 @@ def _sliding(shear, share, friction, radius, away, out):
         for c in range(3):
             out[r, c] = slides * scale[r] * scale[c] * ((1.0 if r == c else 0.0)
                                                         - free * way[r] * way[c])
-    x, y = -away[1], away[0]  # what a turn about the link's point moves the place by
+    x, y = -away[1], away[0]  # displacement of the friction point per turn about the link's point
     along = out[0, 0] * x + out[0, 1] * y, out[1, 0] * x + out[1, 1] * y
     out[2, 2] += 2.0 * (x * out[0, 2] + y * out[1, 2]) + x * along[0] + y * along[1]
     for r in range(2):
@@ -240,7 +240,7 @@ def _pack(axes, block, link):
 @kernel
 def _tangent(m, axes, extent, normal, shear, share, firm, friction, middle, place, moments, links,
              coupling, scratch):
-    """Write the tangent stiffness of a joint; give how much of the whole one it is at least."""
+    """Write the tangent stiffness of a joint; return its least share of the whole stiffness."""
     block, turn, slides = scratch
     block[:] = 0.0
     turn[:] = 0.0
@@ -268,11 +268,11 @@ def _tangent(m, axes, extent, normal, shear, share, firm, friction, middle, plac
 @kernel
 def _steady(m, friction, radius, way, firm):
     """
-    Keep more of the stiffness of a joint whose friction has turned about in a step, else less.
+    Raise the least stiffness of a joint whose friction has reversed in a step, else lower it.
 
-    What slides is free to move, and a step that takes it too far drives it back by as much.
+    A sliding joint is free to move, and a step that overshoots drives it back by as much.
 
-    :param way: of friction after the last step, unit vectors, renewed, (M, 3).
+    :param way: direction of friction after the last step, unit vectors, updated, (M, 3).
     :param firm: least share of the stiffness, (M,), changed in place.
     """
     size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
@@ -288,7 +288,7 @@ def _steady(m, friction, radius, way, firm):
 
 @kernel
 def _tie(m, first, second, centroid, centre, axes, middle, links):
-    """Write the arms from the parts to the middle of the pressed part."""
+    """Write the arms from the parts to the centroid of the pressed part."""
     for c in range(3):
         at = centroid[m, c] + axes[m, c, 0] * middle[m, 0] + axes[m, c, 1] * middle[m, 1]
         links[m, c] = at - centre[first[m], c] if first[m] < len(centre) else 0.0
@@ -300,16 +300,16 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
               middle, place, bound, bias, links, coupling, grip, q, residual, shares, way, firm,
               renew):
     """
-    Put the tangents and biases of joints where the displacements are, and their forces.
+    Linearise joints about the displacements: update tangents, biases and forces.
 
     :param normal, shear: stiffness of the whole patch, k·A [N/m], (M,).
-    :param middle: of the pressed part, where the link is, renewed [m], (M, 2).
-    :param place, bound: of friction [m], (M, 2), [N], (M,).
-    :param bias, links, coupling: renewed.
-    :param residual: takes the difference between old model and true force, (N + 1, 6).
-    :param shares: of the whole stiffness that tangents keep, (M,).
+    :param middle: centroid of the pressed part, where the link is, updated [m], (M, 2).
+    :param place, bound: point and bound of friction [m], (M, 2), [N], (M,).
+    :param bias, links, coupling: updated.
+    :param residual: receives the difference between old model and true force, (N + 1, 6).
+    :param shares: least share of the whole stiffness in tangents, (M,).
     :param way, firm: see `_steady`.
-    :param renew: whether places and bounds of friction follow the pressure.
+    :param renew: whether points and bounds of friction follow the pressure.
     """
     d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
@@ -346,11 +346,11 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
 def power(rows, label, first, second, centroid, centre, axes, extent, normal, shear, slip, place,
           bound, bias, links, coupling, base, step, reach, out):
     """
-    Give what the true forces do on a step beyond what the model does, island by island.
+    Compute the power of the true forces along a step minus that of the model, by island.
 
     :param label: island of each row, (K,).
     :param base, step: displacements and their change, (N + 1, 6).
-    :param reach: how much of the step has been made, (I,).
+    :param reach: completed share of the step, (I,).
     :param out: power [J], (I,), written.
     """
     d, e, moments = np.empty((3, 6))
@@ -377,7 +377,7 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
 
 @kernel(inline='always')
 def _span(along_x, along_y, extent):
-    """Give the length of a patch in a direction along it [m]."""
+    """Return the length of a patch in a direction along it [m]."""
     x, y = abs(along_x), abs(along_y)
     return (x * extent[0] + y * extent[1]) / max(np.sqrt(x ** 2 + y ** 2), 1e-30)
 
@@ -385,10 +385,10 @@ def _span(along_x, along_y, extent):
 @kernel
 def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, span):
     """
-    Write how far joints open at their widest corner, and how far they slide [m], (K,) each.
+    Write the opening of joints at their widest corner, and their slip [m], (K,) each.
 
-    :param span: takes the length of the patch across the hinge of those that open further than
-        they slide, and along the motion of the others [m], (K,).
+    :param span: receives the length of the patch, across the hinge where the opening exceeds
+        the slip, else along the slip [m], (K,).
     """
     d = np.empty(6)
     for k in range(len(rows)):
@@ -402,7 +402,7 @@ def motions(rows, first, second, centroid, centre, axes, extent, q, gap, slid, s
 
 @kernel
 def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, place, bound, q):
-    """Make lasting what has slid: the elastic part of friction stays what it is."""
+    """Make the slip of sliding joints permanent; the elastic part of friction stays."""
     d, t = np.empty(6), np.empty(4)
     for m in rows:
         _deltas(m, first, second, centroid, centre, axes, q, d)
@@ -416,7 +416,7 @@ def settle(rows, first, second, centroid, centre, axes, extent, shear, slip, pla
 
 @kernel
 def add_forces(rows, first, second, bias, links, coupling, q, out, sign):
-    """Add sign times what joints pull with, by their tangents and biases, to the parts."""
+    """Add sign times the forces of joints, by their tangents and biases, to the parts."""
     moved, force = np.empty((2, 6))
     for m in rows:
         _model(m, links, coupling, bias, first, second, q, moved, force)
@@ -425,7 +425,7 @@ def add_forces(rows, first, second, bias, links, coupling, q, out, sign):
 
 @kernel
 def wrenches(rows, first, second, axes, middle, bias, links, coupling, q, out):
-    """Write force and moment about the centroid with which second pulls first, bond frame."""
+    """Write force and moment of second on first about the centroid, bond frame."""
     moved, force = np.empty((2, 6))
     for k in range(len(rows)):
         m = rows[k]

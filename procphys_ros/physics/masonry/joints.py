@@ -14,18 +14,18 @@
 
 
 """
-Cracked joints: beds of springs that press and rub, but do not pull.
+Cracked joints: no-tension beds of springs with Coulomb friction.
 
 The normal law is exact for rigid parts: pressure k·w wherever the faces overlap by w, integrated
 over the pressed part of the rectangle, which the straight line w = 0 bounds. So a joint opens and
-closes without a trace, and its resultant comes as near to an edge as the load asks. Friction is
-that of Coulomb with a bound from the last pressure, elastic up to it (return mapping; Simo &
-Hughes 1998, Computational Inelasticity, 2.2), about the middle of the part pressed then; what
-slid stays slid.
+closes reversibly, and its resultant comes as near to an edge as the load requires. Coulomb
+friction is bounded by the last pressure, elastic up to the bound (return mapping; Simo &
+Hughes 1998, Computational Inelasticity, 2.2), and acts at the centroid of the part pressed then;
+slip is permanent.
 
-For the solver every joint is, at any moment, a link with a bias: its tangent, and what the true
-force is besides. Where a joint is open or slides the tangent vanishes; a small share of the whole
-stiffness stands in for it, which slows motions that nothing holds, and forces not at all.
+For the solver every joint is, at any moment, a link with a bias: its tangent, and the remainder
+of the true force. Where a joint is open or slides the tangent vanishes; a small share of the whole
+stiffness replaces it, which slows free motions and leaves the forces unchanged.
 """
 
 from typing import NamedTuple
@@ -36,16 +36,16 @@ from procphys_ros.physics.masonry import joint_kernels, links
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.joint_kernels import SHARE, SOFTER
 
-_LEAST_SHARE = 1e-7  # of the whole stiffness: what tangents of open joints keep at last
-_SHORT, _LONG = 0.3, 0.9         # reach of steps that promised too much, and that were right
-_STIFFEST = 1e4                  # largest change of the share after the former
-_STUCK = 1e12        # [N] friction that nothing overcomes
+_LEAST_SHARE = 1e-7  # of the whole stiffness: least tangent stiffness of open joints
+_SHORT, _LONG = 0.3, 0.9         # reach of badly predicted steps, and of well-predicted ones
+_STIFFEST = 1e4                  # largest factor on the share after the former
+_STUCK = 1e12        # [N] bound of friction in sticking joints
 _HINGE = 0.5         # of the fastest relative motion: joints that move as fast are hinges
 
 
 class Reach(NamedTuple):
     """
-    How far joints open or slide before they count as hinges: the larger of both.
+    Opening or slip beyond which joints count as hinges: the larger of both thresholds.
 
     :ivar way: [m].
     :ivar angle: times the length of the joint across the hinge, or along the slide [rad].
@@ -55,13 +55,13 @@ class Reach(NamedTuple):
     angle: float
 
 
-# On the way to an equilibrium: arches 3 % thicker than they need stay below at every size, for the
-# forces that hold a structure up depend on angles; beyond, its geometry is another one.
+# On the way to an equilibrium: arches 3 % thicker than necessary stay below at every size, as
+# structural forces depend on angles; beyond, the geometry has changed.
 PLAY = Reach(2e-3, 0.05)
-# Under loads that are soon over, such as blows: no balance is sought with them, and a leaf of 10
-# cm that is thrown over has to open by 2 mm before they end.
+# Under loads that end soon, such as blows: no equilibrium with them is sought, and a leaf of 10
+# cm that is overturned has to open by 2 mm before they end.
 BRIEF = Reach(2e-3, 0.02)
-# Where no balance is found: ten times what a brick that hangs on a joint moves by in a step of
+# Where no equilibrium is found: ten times the motion of a brick hanging on a joint in one step of
 # Newton's method.
 CREEP = Reach(1e-5, 2.5e-4)
 
@@ -70,7 +70,7 @@ class CrackedJoints:
     """
     The joints of a graph that have cracked: their friction, tangents and biases.
 
-    :param graph: the bonds; links, coupling and grip of the cracked ones are renewed here.
+    :param graph: the bonds; links, coupling and grip of the cracked ones are updated here.
     """
 
     graph: BondGraph
@@ -80,18 +80,18 @@ class CrackedJoints:
         count = len(graph)
         self._bias = np.zeros((count, 6))    # of the link about its point, world [N, N·m]
         self._slip = np.zeros((count, 3))    # along x, y and about z of the bond frame [m, rad]
-        self._middle = np.zeros((count, 2))  # of the pressed part, where the link is [m]
-        self._place = np.zeros((count, 2))   # where friction acts: the middle at last pressure [m]
+        self._middle = np.zeros((count, 2))  # centroid of the pressed part, where the link is [m]
+        self._place = np.zeros((count, 2))   # friction point: `_middle` at the last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
         self._share = np.full(count, SHARE)
-        self._way = np.zeros((count, 3))  # of friction after the last step, unit vectors
+        self._way = np.zeros((count, 3))  # direction of friction after the last step, unit vectors
         self._firm = np.zeros(count)      # least share of the stiffness against sliding
-        self._sticks = np.zeros(count, bool)  # whatever the pressure, until a balance is found
+        self._sticks = np.zeros(count, bool)  # at any pressure, until an equilibrium is found
         self._normal = np.ascontiguousarray(graph.spring[:, 2])
         self._shear = np.ascontiguousarray(graph.spring[:, 0])
 
     def reset(self) -> None:
-        """Reset: no bond has cracked."""
+        """Reset the state of all joints to uncracked."""
         for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._way,
                       self._firm):
             array[:] = 0.0
@@ -100,7 +100,7 @@ class CrackedJoints:
 
     def adopt(self, other: 'CrackedJoints', mine: np.ndarray) -> None:
         """
-        Go on with the joints of another graph, whose bonds this one has adopted.
+        Copy the state of the joints of another graph, whose bonds this one has adopted.
 
         :param mine: rows here of all bonds there, (K,).
         """
@@ -123,13 +123,13 @@ class CrackedJoints:
 
         :param rows: of the graph, (K,).
         :param displacement: of the parts [m, rad], (N + 1, 6).
-        :param residual: takes what the true forces differ by from the model that was
+        :param residual: receives the difference between true forces and the previous model
             [N, N·m], (N + 1, 6).
-        :param renew: whether bound and place of friction follow the pressure; while they stay,
-            forces have an energy, and steps that lessen it lead somewhere.
+        :param renew: whether bound and point of friction follow the pressure; while they stay
+            fixed, forces have an energy that steps can reduce.
         """
         if not len(rows):
-            return  # the kernel is one of those that take seconds to compile
+            return  # the kernel takes seconds to compile
         graph = self.graph
         sticks = self._sticks[rows]
         for some, follows in ((rows[~sticks], renew), (rows[sticks], False)):
@@ -151,27 +151,27 @@ class CrackedJoints:
 
     @property
     def sticking(self) -> bool:
-        """Whether there are joints in which nothing slides yet."""
+        """Whether any joints stick until `release`."""
         return bool(self._sticks.any())
 
     def damp(self, rows: np.ndarray, reach: np.ndarray) -> None:
-        """Stiffen or soften tangents after steps that went so far of what they promised, (K,)."""
+        """Stiffen or soften tangents by the reach of the last step: its completed share, (K,)."""
         factor = np.where(reach < _SHORT, np.clip(_SHORT / reach, 1.0 / SOFTER, _STIFFEST),
                           np.where(reach > _LONG, SOFTER, 1.0))
         self._share[rows] = np.clip(factor * self._share[rows], _LEAST_SHARE, 1.0)
 
     def soften(self, rows: np.ndarray) -> None:
-        """Give tangents the share of the stiffness that they start with."""
+        """Reset tangents to their initial share of the stiffness."""
         self._share[rows] = SHARE
 
     def power(self, rows: np.ndarray, label: np.ndarray, start: np.ndarray, step: np.ndarray,
               reach: np.ndarray) -> np.ndarray:
         """
-        Give what the true forces do on a step beyond what their tangents do.
+        Compute the power of the true forces along a step minus that of their tangents.
 
         :param label: island of each row, (K,).
         :param start, step: displacements and their change, (N + 1, 6).
-        :param reach: how much of the step each island has made, (I,).
+        :param reach: completed share of the step of each island, (I,).
         :returns: per unit of reach [J], (I,).
         """
         out = np.empty(len(reach))
@@ -183,12 +183,12 @@ class CrackedJoints:
 
     def hinges(self, rows: np.ndarray, motion: np.ndarray, least: Reach = PLAY) -> np.ndarray:
         """
-        Choose the joints that open or slide without end, in a motion of the parts.
+        List the joints that act as hinges in a motion of the parts.
 
         :param motion: of the parts since they were in equilibrium [m, rad], (N + 1, 6).
-        :param least: that hinges have moved by; by default further than any joint does in
+        :param least: least motion of hinges; by default larger than that of any joint in
             equilibrium.
-        :returns: rows, those that moved fastest.
+        :returns: rows of the joints that moved fastest.
         """
         if not len(rows):
             return rows  # nothing to compile for
@@ -198,7 +198,7 @@ class CrackedJoints:
         return rows[relative > max(1.0, _HINGE * relative.max(initial=0.0))]
 
     def openings(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
-        """Give how far joints are open at their widest corner [m], (K,)."""
+        """Return the opening of joints at their widest corner [m], (K,)."""
         gap, slid, span = np.empty((3, len(rows)))
         joint_kernels.motions(rows, *self._geometry, displacement, gap, slid, span)
         return np.maximum(gap, 0.0)
@@ -209,7 +209,7 @@ class CrackedJoints:
                              self._bound, displacement)
 
     def wrenches(self, rows: np.ndarray, displacement: np.ndarray) -> np.ndarray:
-        """Give force and moment with which the second part pulls the first, bond frame, (K, 6)."""
+        """Return force and moment of the second part on the first, bond frame, (K, 6)."""
         graph, out = self.graph, np.empty((len(rows), 6))
         joint_kernels.wrenches(rows, graph.first, graph.second, graph.axes, self._middle,
                                self._bias, graph.links, graph.coupling, displacement, out)

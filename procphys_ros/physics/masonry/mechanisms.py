@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Mechanisms: the joints at which parts come off that no equilibrium holds."""
+"""Mechanisms: the joints at which parts without equilibrium come off."""
 
 import numpy as np
 
@@ -21,13 +21,13 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.components import root_of
 from procphys_ros.physics.masonry.graph import BondGraph
 
-_GROUND, _LOOSE = 1, 2  # what a component is to hold on to; 0 is either
+_GROUND, _LOOSE = 1, 2  # side of a component; 0 is undecided
 
 
 @kernel
 def separate(count, first, second, order, loose, cut):
     """
-    Join parts bond by bond, but nothing loose to the ground; mark the bonds left between them.
+    Join parts bond by bond, but no loose part to the ground; mark the bonds between the sides.
 
     :param order: rows of the bonds that join, (K,) int64.
     :param loose: parts, (S,) int64.
@@ -50,18 +50,18 @@ def separate(count, first, second, order, loose, cut):
 def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
               drift: np.ndarray) -> np.ndarray:
     """
-    Choose the overloaded bonds between drifting parts and the rest.
+    Mark the overloaded bonds between drifting parts and the rest.
 
-    As a load grows, bonds break in the order of their utilisation, until what has drifted furthest
-    is loose. Of them only those count that lie between it and the ground: the others are relieved
-    by that, so as much as can comes off in one. This is the watershed of the utilisation with two
-    sources (Cousty et al. 2009, IEEE Trans. Pattern Anal. Mach. Intell. 31(8)).
+    As a load grows, bonds break in the order of their utilisation, until the part that has drifted
+    furthest is loose. Only the bonds between it and the ground are chosen: breaking them relieves
+    the others, so the largest possible lump comes off. This is the watershed of the utilisation
+    with two sources (Cousty et al. 2009, IEEE Trans. Pattern Anal. Mach. Intell. 31(8)).
 
     :param share: utilisation, (M,).
-    :param parts: that drift; of each island the furthest comes off, and what hangs on it, (K,).
+    :param parts: drifting parts; the furthest of each island comes off with its lump, (K,).
     :param labels: island of each part, (N,).
-    :param drift: how far parts have come [m], (N,).
-    :returns: mark of these bonds, (M,) bool. Bonds that are not overloaded may hold on yet.
+    :param drift: displacement of the parts [m], (N,).
+    :returns: mark of these bonds, (M,) bool. Bonds that are not overloaded may still hold.
     """
     drifts = np.zeros(graph.count + 1, bool)
     drifts[parts] = True
@@ -73,7 +73,7 @@ def loosening(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np
 def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.ndarray,
             drift: np.ndarray) -> np.ndarray:
     """
-    Choose the bonds that part from the rest what is thrown over, however sound they are.
+    List the bonds between overturned parts and the rest, at any utilisation.
 
     :param share: utilisation, (M,).
     :param parts, labels, drift: see `loosening`.
@@ -88,7 +88,7 @@ def parting(graph: BondGraph, share: np.ndarray, parts: np.ndarray, labels: np.n
 
 def _watershed(graph: BondGraph, weight: np.ndarray, parts: np.ndarray, labels: np.ndarray,
                drift: np.ndarray) -> np.ndarray:
-    """Mark the heaviest bonds between the ground and the part of each island that is furthest."""
+    """Mark the heaviest bonds that separate the furthest part of each island from the ground."""
     living = np.flatnonzero(graph.alive)
     parts = parts[np.argsort(-drift[parts], kind='stable')]
     furthest = parts[np.unique(labels[parts], return_index=True)[1]]

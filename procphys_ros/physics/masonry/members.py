@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Reinforced members: the largest moment within their pieces, also between joints."""
+"""Reinforced members: the largest bending moment of their pieces, also between joints."""
 
 from typing import NamedTuple
 
@@ -21,14 +21,14 @@ import numpy as np
 
 from procphys_ros.linear import norm
 
-_STRAIGHT = 0.99  # least cosine between the normals of two joints, and the way between them
+_STRAIGHT = 0.99  # least cosine between the normals of two joints and the line between them
 
 
 class Pieces(NamedTuple):
     """
-    Pieces of members as seen from each of their two joints, a row per joint and piece.
+    Pieces of members seen from each of their two joints, a row per joint and piece.
 
-    :ivar near, far: joint at which one looks into the piece, and the one at its other end, bonds.
+    :ivar near, far: rows of the bonds at the near and at the far end of the piece.
     :ivar near_sign, far_sign: 1 where the piece is the first part of that bond, else -1.
     """
 
@@ -41,7 +41,7 @@ class Pieces(NamedTuple):
 def pieces(rows: np.ndarray, pair: tuple[np.ndarray, np.ndarray], count: int,
            centroid: np.ndarray, axes: np.ndarray) -> Pieces:
     """
-    Find the parts that lie between two reinforced bonds, one behind the other.
+    Find the parts that lie in line between two reinforced bonds.
 
     :param rows: reinforced bonds, (K,).
     :param pair: first and second parts of all bonds, `count` for the ground, (M,) each.
@@ -72,18 +72,18 @@ def pieces(rows: np.ndarray, pair: tuple[np.ndarray, np.ndarray], count: int,
 def with_largest_moments(within: Pieces, alive: np.ndarray, centroid: np.ndarray,
                          axes: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """
-    Give what bonds carry, with the largest moments of the halves of pieces beside them.
+    Return the wrenches of bonds with the largest moments of the half pieces beside them.
 
-    Shear changes evenly along a piece, so its moment is a parabola: through those at both of its
-    joints, with the curvature of the load that the difference of their shear forces tells. Where
-    it has its peak inside, the nearer joint answers for it: section and strength are the same.
+    Shear varies linearly along a piece, so its moment is a parabola through the moments at both
+    joints, with a curvature from the difference of their shear forces. A peak inside the piece
+    is assigned to the nearer joint, which has the same section and strength.
 
     :param within: from `pieces`.
-    :param alive: bonds that still carry something, (M,) bool.
+    :param alive: bonds that still carry load, (M,) bool.
     :param centroid: of the bonds [m], (M, 3).
     :param axes: of the bonds, columns, (M, 3, 3).
     :param wrench: force and moment in the bond frame [N, N·m], (M, 6).
-    :returns: the same, in rows of joints the peak where it is larger, (M, 6).
+    :returns: the same, with the peak moment in the rows of joints where it is larger, (M, 6).
     """
     whole = alive[within.near] & alive[within.far]
     whole[whole] = (wrench[within.near[whole]].any(axis=1)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Steps of Newton's method over cracked joints: their goals, how far they go, what they learn."""
+"""Steps of Newton's method over cracked joints: tolerance, line search, damping."""
 
 from collections.abc import Callable
 from typing import Self
@@ -25,13 +25,13 @@ from procphys_ros.physics.masonry import links, subdomains
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.islands import Islands
 
-_FORCING = 0.1    # of the residual at its start: what a step solves its tangents to
+_FORCING = 0.1    # of the residual at the start: tolerance of the linear solve of a step
 _ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
-_AGREES = 0.3     # of the first power: what true forces may do or take back at the end of a step
-_ROUGH = 10.0     # tolerances: what is to be balanced better is solved with all parts
-_LESSENED = 0.5   # of its residual: what a step on a part leaves at most if another one follows
-_TRIES = 40       # to find that end
-_FURTHEST = 0.5  # [m] that a part moves in one step: what gets there is a mechanism
+_AGREES = 0.3     # of the first power: largest power of the true forces at the end of a step
+_ROUGH = 10.0     # tolerances: below this goal a step is solved on all parts
+_LESSENED = 0.5   # of its residual: a confined step that leaves more is followed by one on all parts
+_TRIES = 40       # of the line search
+_FURTHEST = 0.5  # [m] largest motion of a part in one step: parts that reach it are a mechanism
 
 
 class Step:
@@ -39,21 +39,21 @@ class Step:
     One step from a state whose true forces and tangents are known.
 
     Inexact Newton with a line search on a convex energy (Nocedal & Wright 2006, Numerical
-    Optimization, 3.5 and 7.1), each island of bonds for itself: the work of the true forces along
-    the step falls steadily, and the step ends where it is used up. Where that is much earlier than
-    the tangents promised, they get stiffer (`CrackedJoints.damp`), as in Levenberg's and
-    Marquardt's method; where they were right, softer, so that hinges move freely in the end.
+    Optimization, 3.5 and 7.1), for each island of bonds separately: the power of the true forces
+    along the step falls monotonically, and the step ends where it vanishes. Where that is much
+    earlier than the tangents predicted, they get stiffer (`CrackedJoints.damp`), as in the
+    Levenberg-Marquardt method; where they were right, softer, so that hinges finally move freely.
 
     :param equilibrium: at the start.
-    :param islands: to be worked on.
+    :param islands: islands to be solved.
     :param size: largest nodal residual [N].
-    :param confined: whether all around them stays where it is, see `subdomains`.
+    :param confined: whether the parts around them are fixed, see `subdomains`.
 
     :ivar islands, size, confined: the same.
-    :ivar rows: their cracked joints, (K,); none if all is linear.
-    :ivar goal: largest nodal residual to which the tangents are to be solved [N].
-    :ivar left: iterations that may still be spent.
-    :ivar fresh: whether nothing has moved since the start.
+    :ivar rows: their cracked joints, (K,); none if the problem is linear.
+    :ivar goal: largest nodal residual at which the linear solve stops [N].
+    :ivar left: remaining number of iterations.
+    :ivar fresh: whether no part has moved since the start.
     """
 
     islands: Islands
@@ -71,22 +71,22 @@ class Step:
 
     @classmethod
     def straight(cls, equilibrium: Equilibrium) -> Self:
-        """Give the one step of what is linear: it needs no end."""
+        """Return the only step of a linear problem; it needs no line search."""
         none, begin = np.zeros(0, np.int64), np.zeros(1, np.int64)
         return cls(equilibrium, Islands(none, none, begin, begin), 0.0)
 
     def next(self, equilibrium: Equilibrium, islands: Islands, target: float,
              tolerance: float) -> 'Step':
         """
-        Start another step where this one has ended: on what is furthest off alone, or on all.
+        Start another step at the end of this one: on the worst subdomain alone, or on all parts.
 
-        What is near a crack takes most of the iterations, and what is far from it most of the
-        work of each. A step on a part moves no forces to far away, though: where one has not
-        done much, one on all follows.
+        Parts near a crack take most of the iterations, and parts far from it most of the
+        work of each. A confined step moves no forces to far away, though: where one has not
+        achieved much, a step on all parts follows.
 
-        :param islands: all that are out of balance.
+        :param islands: all islands out of balance.
         :param target: largest nodal residual in the end [N].
-        :param tolerance: largest one that is left where all is in balance [N].
+        :param tolerance: largest nodal residual of an equilibrium [N].
         """
         sizes, near = equilibrium.residual_sizes(), None
         size = float(sizes.max(initial=0.0))
@@ -97,20 +97,20 @@ class Step:
 
     @property
     def curved(self) -> bool:
-        """Return whether it must be ended: tangents change on the way, or neighbours are hit."""
+        """Return whether the step needs `finish`: tangents or forces on neighbours change."""
         return self.confined or len(self.rows) > 0
 
     def spend(self, iterations: int) -> None:
-        """Count iterations."""
+        """Count iterations of the linear solve."""
         if self.curved and iterations:
             self.fresh = False
             self.left -= iterations
 
     def finish(self, equilibrium: Equilibrium) -> None:
         """
-        Move to where the step ends.
+        Move the parts to the end of the step, found by line search.
 
-        :param equilibrium: at the end as the tangents have it; displacement and residual are
+        :param equilibrium: at the end predicted by the tangents; displacement and residual are
             changed in place.
         """
         assert self._start is not None
@@ -141,7 +141,7 @@ class Step:
 
 @kernel
 def _measure(parts, part, before, residual, step):
-    """Give the power at start and end of a step, and how far a part goes at most, (I,) each."""
+    """Compute the power at start and end of a step, and its largest displacement, (I,) each."""
     count = len(part) - 1
     first, last, far = np.zeros(count), np.zeros(count), np.full(count, 1e-12)
     for k in range(count):
@@ -158,7 +158,7 @@ def _measure(parts, part, before, residual, step):
 
 @kernel
 def _shorten(parts, part, reach, start, before, step, displacement, residual):
-    """Scale the step of each island by a share."""
+    """Scale the step of each island by its reach."""
     for k in range(len(reach)):
         for i in parts[part[k]:part[k + 1]]:
             for c in range(6):
@@ -169,9 +169,9 @@ def _shorten(parts, part, reach, start, before, step, displacement, residual):
 def _reach(work: Callable[[np.ndarray], np.ndarray], first: np.ndarray,
            most: np.ndarray) -> np.ndarray:
     """
-    Find how far to go: doubling while much work is left, regula falsi once there is too little.
+    Find the reach of a step: doubling while power is left, regula falsi once it is negative.
 
-    :param work: of the true forces per unit of the step at some reach, island by island.
+    :param work: power of the true forces along the step at some reach, island by island.
     :param first: the same at reach 0, (I,).
     :param most: largest reach, (I,).
     """

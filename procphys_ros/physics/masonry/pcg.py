@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Conjugate gradients preconditioned by blocks and rigid aggregates, resumable."""
+"""Resumable conjugate gradients preconditioned by blocks and rigid aggregates."""
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from procphys_ros.physics.masonry import factor, links
 
 @kernel
 def residual_size(parts, residual, reach):
-    """Give the largest nodal residual [N]: its force, or its moment over the part's reach."""
+    """Return the largest nodal residual [N]: its force, or its moment over the part's reach."""
     worst = 0.0
     for i in parts:
         r = residual[i]
@@ -35,7 +35,7 @@ def residual_size(parts, residual, reach):
 
 @kernel(nogil=True)
 def residual_sizes(residual, reach):
-    """Give the nodal residuals [N], (N,): force, or moment over the part's reach."""
+    """Return the nodal residuals [N], (N,): force, or moment over the part's reach."""
     sizes = np.empty(len(reach))
     for i in range(len(reach)):
         r = residual[i]
@@ -77,7 +77,7 @@ def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, w
 
 @kernel
 def _turn(parts, z, beta, p, q):
-    """Choose the next search direction p and clear q for K·p."""
+    """Compute the next search direction p and clear q for K·p."""
     for i in parts:
         for c in range(6):
             p[i, c] = z[i, c] + beta * p[i, c]
@@ -95,7 +95,7 @@ def _dot(parts, p, q):
 
 @kernel
 def _go(parts, step, x, residual, p, q, reach):
-    """Move along p; return what `residual_size` gives then."""
+    """Step along p; return the largest nodal residual then [N], see `residual_size`."""
     worst = 0.0
     for i in parts:
         r = residual[i]
@@ -111,17 +111,17 @@ def _go(parts, step, x, residual, p, q, reach):
 @kernel(nogil=True)
 def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit):
     """
-    Run conjugate gradients until the largest nodal residual is small, on each island for itself.
+    Run conjugate gradients on each island until its largest nodal residual is small.
 
-    :param islands: parts, bonds, cracked bonds, columns of the coarse factor, and where those of
-        each island start, (I + 1,) each.
+    :param islands: parts, bonds, cracked bonds, columns of the coarse factor, and start of those
+        of each island, (I + 1,) each.
     :param graph: links, coupling, first, second.
     :param preconditioner: blocks, owner, arm, panels, rigid, work.
     :param state: x, residual, z, p, q, each (N + 1, 6); all but z and q are kept between
         calls.
     :param old: residual·z of the last iteration, 0 starts anew, (I,); changed in place.
     :param tolerance: [N].
-    :param limit: largest number of iterations, of each island.
+    :param limit: largest number of iterations on each island.
     :returns: iterations done on each island, and its largest nodal residual [N], (I,) each.
     """
     parts, bonds, cracked, columns, part, bond, crack, column = islands
@@ -152,7 +152,7 @@ def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit)
         links.add_pulls(bonds, all_links, first, second, p, q, -1.0)
         links.add_couplings(cracked, all_links, coupling, first, second, p, q, -1.0)
         bend = _dot(parts, p, q)
-        if not bend > 0.0:  # what is left moves parts without straining a bond
+        if not bend > 0.0:  # the remaining motion strains no bond
             break
         worst = _go(parts, product / bend, x, residual, p, q, reach)
         done += 1

@@ -12,30 +12,30 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Punching: the set of parts that a blow tears out of a bond graph, by a minimal cut."""
+"""Punching: the set of parts that a blow tears out of a bond graph, by a minimum cut."""
 
 from typing import NamedTuple
 
 import numpy as np
-import scipy  # its parts are imported by their first use
+import scipy  # subpackages are imported on first use
 
 from procphys_ros.physics.masonry.capacity import at_failure, REACH, Resistance
 from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 
-_LARGEST = 5.0e8  # of SciPy's flows, which are 32-bit integers: of newtons, or as many as need be
-_HOPELESS = 0.05  # of what the struck parts bear one by one: what pushes less is not looked into
-_ALONG = 0.5   # of the acceleration of what is struck, with which others come along: those that
-#                would become faster are nearer to its motion than to rest
+_LARGEST = 5.0e8  # of SciPy's 32-bit integer flows, in newtons or a coarser unit
+_HOPELESS = 0.05  # of the resistance of the struck parts one by one: weaker blows are skipped
+_ALONG = 0.5   # of the acceleration of the struck parts: others that would become faster than
+#                this come along, as their motion is nearer to the struck parts' than to rest
 
 
 class Punched(NamedTuple):
     """
-    Parts that come out together.
+    Connected parts that are torn out together.
 
     :ivar parts: indices, ascending, (K,).
-    :ivar withstood: by the bonds around them.
+    :ivar withstood: resistance of the bonds around them.
     """
 
     parts: np.ndarray
@@ -45,22 +45,22 @@ class Punched(NamedTuple):
 def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force: np.ndarray,
             direction: np.ndarray, acceleration: float) -> list[Punched]:
     """
-    Find what blows tear out: parts on which they push harder than the bonds around them bear.
+    Find the parts that blows tear out, by force, of the bonds around them.
 
-    Of all sets of parts it is the one with the largest excess of push over resistance, the bonds
-    around it being at their limits together (upper bound theorem): a minimal cut between the
-    pushes and what stays, as in a network whose edges carry what bonds bear (Ford and Fulkerson
-    1956). What strikes is rigid: it drives all out that it touches, or none of it. Others come
-    along where it takes less force to accelerate them half as much as to hold them back. What lies
-    further away than `REACH` stays, by its inertia.
+    Of all sets of parts it is the one with the largest excess of push over resistance, with all
+    bonds around it at their limits (upper bound theorem): a minimum cut between the pushes and
+    the remaining parts, in a network with the bonds' failure loads as capacities (Ford and
+    Fulkerson 1956). A striker is rigid: it drives out all parts that it touches, or none. Other
+    parts come along where accelerating them half as much takes less force than breaking their
+    bonds. Parts further away than `REACH` stay, by their inertia.
 
-    :param solver: knows the bonds and their stresses.
-    :param striker: number of what strikes, from 0, in each contact, (K,).
+    :param solver: holds the bonds and their stresses.
+    :param striker: number of the striker, from 0, in each contact, (K,).
     :param struck: part that it touches there, (K,).
-    :param force: with which each striker pushes along the direction [N], (S,).
+    :param force: of each striker along the direction [N], (S,).
     :param direction: unit vector of the blow, world, (3,).
-    :param acceleration: of what is struck, if it comes out [m/s²].
-    :returns: what hangs together of it, each by itself; none where all holds.
+    :param acceleration: of the struck parts, if they come out [m/s²].
+    :returns: the connected sets of parts torn out; empty when all bonds hold.
     """
     graph = solver.graph
     striker, struck = np.unique([striker, struck], axis=1)
@@ -69,7 +69,7 @@ def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force
     near = _around(graph, np.unique(struck))
     bonds = graph.neighbours(near)
     bonds = bonds[graph.alive[bonds]]
-    node = np.full(graph.count + 1, -1)  # the sink is last: it is all else
+    node = np.full(graph.count + 1, -1)  # the sink stands for all other parts
     node[near] = np.arange(len(near))
     ends, wrench = (node[graph.first[bonds]], node[graph.second[bonds]]), solver.wrenches(bonds)
     each = [at_failure(graph, bonds, np.full(len(bonds), first), direction, wrench)
@@ -93,7 +93,7 @@ def punched(solver: StressSolver, striker: np.ndarray, struck: np.ndarray, force
 
 
 def _around(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
-    """List the parts within `REACH` of some and of their joints, (N,)."""
+    """List the parts within `REACH` of some parts and of their joints, (N,)."""
     place = np.concatenate([graph.centre[parts], graph.centroid[graph.neighbours(parts)]])
     centre = graph.centre[:graph.count]
     return np.flatnonzero(((centre > place.min(axis=0) - REACH)
@@ -102,7 +102,7 @@ def _around(graph: BondGraph, parts: np.ndarray) -> np.ndarray:
 
 def _is_hopeless(solver: StressSolver, striker: np.ndarray, struck: np.ndarray,
                  force: np.ndarray, direction: np.ndarray) -> bool:
-    """Say whether all strikers push far less than what they touch bears, part by part."""
+    """Return whether all strikers push far less than the resistance of the struck parts."""
     graph = solver.graph
     contact, bonds = graph.bonds_of(struck)
     living = graph.alive[bonds]
@@ -113,7 +113,7 @@ def _is_hopeless(solver: StressSolver, striker: np.ndarray, struck: np.ndarray,
 
 
 def together(found: list[Punched]) -> Punched:
-    """Take several sets as one, which bear together what each of them does."""
+    """Merge several sets of parts into one, with the sum of their resistances."""
     own = [one.withstood for one in found]
     return Punched(np.concatenate([one.parts for one in found]), Resistance(
         np.concatenate([one.bonds for one in own]), sum(one.force for one in own),
@@ -124,15 +124,15 @@ def _source_side(ends: tuple[np.ndarray, np.ndarray], forwards: np.ndarray, back
                  inertia: np.ndarray,
                  pushes: tuple[np.ndarray, np.ndarray, np.ndarray]) -> np.ndarray:
     """
-    Mark the nodes on the source's side of the smallest minimal cut, (N,) bool.
+    Mark the nodes on the source's side of the smallest minimum cut, (N,) bool.
 
     :param ends: nodes of each bond, -1 for the sink, (B,) each.
-    :param forwards, backwards: what each bond bears when its first, or its second, end leaves.
-    :param inertia: that keeps each node back [N], (N,).
+    :param forwards, backwards: failure load of each bond when its first, or second, end leaves.
+    :param inertia: inertia force that holds each node back [N], (N,).
     :param pushes: striker and node of each contact, (K,) each, and force of each striker, (S,).
     """
     striker, node, force = pushes
-    everything = forwards.sum() + backwards.sum() + inertia.sum()  # more tears all out
+    everything = forwards.sum() + backwards.sum() + inertia.sum()  # any more tears out all nodes
     force = np.minimum(force, everything + 1.0)
     count, total = len(inertia), force.sum() + 1.0  # no cut needs more
     source, sink = count + len(force), count + len(force) + 1

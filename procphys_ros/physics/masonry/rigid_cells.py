@@ -13,11 +13,11 @@
 # limitations under the License.
 
 """
-Rigid cells: groups of parts that move as one, and how free ones answer to loads.
+Rigid cells: groups of parts that move as one body, and their response to loads.
 
-All bonds between two rigid cells together are one spring of six by six, however many there are,
-and all parts of a cell one mass. Cells are displaced by q = (u, φ) at their centres of mass; the
-spring of a pair of cells is at the centre of its first.
+All bonds between two rigid cells are lumped into one 6 x 6 spring, and all parts of a cell into
+one mass. Cells are displaced by q = (u, φ) at their centres of mass; the spring of a pair of cells
+is at the centre of its first cell.
 """
 
 import numpy as np
@@ -30,7 +30,7 @@ from procphys_ros.physics.masonry import links
 @subroutine
 def gather(masses, parts, node, count, wrenches):
     """
-    Sum up masses and loads of cells.
+    Sum the masses, inertias and loads of cells.
 
     :param masses: mass, centre, reach and inertia in world axes of all parts.
     :param parts: those of the piece, (P,); node: cell of each, (P,).
@@ -70,7 +70,7 @@ def balanced(label, cell):
 
     :param label: island of each cell, (C,).
     :param cell: see `gather`.
-    :returns: wrench on each cell, (C, 6), in balance over every island.
+    :returns: wrench on each cell, (C, 6); the sum over every island vanishes.
     """
     mass, centre, inertia, _, load = cell
     hub, push = _accelerations(label, cell)
@@ -147,7 +147,7 @@ def pair_up(a, b, count):
 @subroutine
 def springs(pair, cells, a, packed, alive):
     """
-    Sum up the living bonds of each pair, (P, 6, 6).
+    Sum the stiffness of the living bonds of each pair, (P, 6, 6).
 
     :param packed: bonds between the cells, see `links.build`, (K, 18).
     """
@@ -188,7 +188,7 @@ def relax(cells, spring, centre, load, reach, accuracy, limit):
                 p[i, c] = z[i, c] + beta * p[i, c]
         _resist(cells, spring, centre, p, q)
         bend = (p * q).sum()
-        if not bend > 0.0:  # what is left moves cells without straining a bond
+        if not bend > 0.0:  # the remaining motion strains no bond
             break
         step = product / bend
         for i in range(len(p)):
@@ -200,7 +200,7 @@ def relax(cells, spring, centre, load, reach, accuracy, limit):
 
 @subroutine
 def _size(wrench, reach):
-    """Give the largest force [N], a moment being one at the reach of its cell."""
+    """Return the largest force, or moment over the reach of its cell [N]."""
     worst = 0.0
     for i in range(len(reach)):
         w = wrench[i]
@@ -211,12 +211,12 @@ def _size(wrench, reach):
 
 @subroutine
 def _inverses(cells, spring, centre):
-    """Invert the diagonal blocks; a cell without a living bond gets zeros, and stays."""
+    """Invert the diagonal blocks; cells without living bonds get zeros and so do not move."""
     blocks, half = np.zeros((len(centre), 6, 6)), np.empty((6, 6))
     for n in range(len(cells)):
         i, j = cells[n, 0], cells[n, 1]
         blocks[i] += spring[n]
-        arm = centre[i] - centre[j]  # what the spring resists there, felt by j
+        arm = centre[i] - centre[j]  # shifts the spring to the centre of j
         for c in range(6):
             turn = links.cross(arm, spring[n, c])
             for d in range(3):
