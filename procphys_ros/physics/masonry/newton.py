@@ -29,7 +29,7 @@ _FORCING = 0.1    # of the residual at the start: tolerance of the linear solve 
 _ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
 _AGREES = 0.3     # of the first power: largest power of the true forces at the end of a step
 _ROUGH = 10.0     # tolerances: below this goal a step is solved on all parts
-_LESSENED = 0.5   # of its residual: a confined step that leaves more is followed by one on all parts
+_LESSENED = 0.5   # of its residual: after a confined step that leaves more, solve on all parts
 _TRIES = 40       # of the line search
 _FURTHEST = 0.5  # [m] largest motion of a part in one step: parts that reach it are a mechanism
 

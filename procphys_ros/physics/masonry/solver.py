@@ -30,35 +30,35 @@ from procphys_ros.physics.masonry.newton import Step
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
-_STALE_AFTER = 10    # iterations since a change until the coarse space is renewed (decision 24)
-_CURVED_STALE = 40   # the same while joints open: each step changes tangents again
-_PATIENCE = 2000     # iterations since a change after which what is unbalanced is a mechanism
+_STALE_AFTER = 10    # iterations since a change until the coarse space is rebuilt (decision 24)
+_CURVED_STALE = 40   # the same while joints open: each step changes the tangents again
+_PATIENCE = 2000     # iterations since a change after which unbalanced parts are a mechanism
 _STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
-DRIFT = 0.01         # [m] displacement, since all held, at which a part counts as a mechanism, ...
-SWAY = 0.25          # ... under loads that are soon over, or while nothing has held yet
+DRIFT = 0.01         # [m] displacement since the last stable state at which a part is a mechanism,
+SWAY = 0.25          # and under loads that end soon, or before the first stable state
 
 
 class StressSolver:
     """
     Resumable equilibrium of the supported islands of a bond graph.
 
-    Bonds are linear; those that have cracked are followed by Newton's method (`newton`, `joints`).
-    `Equilibrium` keeps the residual f - K·u exact through every change (loads, cuts), so what must
-    be worked on is simply where it is too large: islands in which it exceeds the tolerance.
+    Bonds are linear; cracked ones are solved by Newton's method (`newton`, `joints`).
+    `Equilibrium` keeps the residual f - K·u exact through every change (loads, cuts), so the
+    solver works on the islands in which the residual exceeds the tolerance.
 
     :param graph: the bonds; the solver is their only owner and changes them by `cut`.
     :param gravity: [m/s²], (3,).
-    :param tolerance: of a converged state, the largest force on a part [N], or its moment over
-        `BondGraph.reach`; default a tenth of the median part's weight.
+    :param tolerance: largest residual force on a part in a converged state [N], or its moment
+        over `BondGraph.reach`; default a tenth of the median part's weight.
 
     :ivar equilibrium: bonds, displacements and loads.
-    :ivar goal: the tolerance that the present loads ask for [N], see `tolerances`.
-    :ivar iterations: spent on each part so far, (N,) int.
-    :ivar spent: iterations done since the last reset, those of the slowest island.
-    :ivar state: changes with every change of bonds or displacements, never comes back.
-    :ivar problem: changes with every change of bonds or loads, never comes back.
-    :ivar residual: largest nodal residual of the last look [N].
-    :ivar sound: displacements in which all held last, (N + 1, 6).
+    :ivar goal: tolerance under the present loads [N], see `tolerances`.
+    :ivar iterations: number of iterations on each part so far, (N,) int.
+    :ivar spent: iterations since the last reset, those of the slowest island.
+    :ivar state: counts changes of bonds or displacements.
+    :ivar problem: counts changes of bonds or loads.
+    :ivar residual: largest nodal residual when last computed [N].
+    :ivar sound: displacements of the last stable state, (N + 1, 6).
     :ivar working: number of parts in islands that the last call of `iterate` has not finished.
     """
 
@@ -80,10 +80,10 @@ class StressSolver:
         """
         Join solvers of parts of a graph, with their present state.
 
-        :param graph: whole.
+        :param graph: undamaged graph.
         :param gravity: [m/s²], (3,).
-        :param solvers: each of parts that follow each other here, with the first of these, and
-            the rows here of its bonds, (M,).
+        :param solvers: each with the row of its first part here, its parts being consecutive, and
+            the rows of its bonds here, (M,).
         """
         equilibrium = Equilibrium(graph, gravity)
         for other, first, bonds in solvers:
@@ -116,13 +116,13 @@ class StressSolver:
         self._begin_anew()
 
     def _begin_anew(self) -> None:
-        """Recompute all that follows from bonds and displacements."""
+        """Recompute residual, blocks and coarse space from bonds and displacements."""
         self._begin_at_displacements()
         self._gradients.invert_blocks(np.arange(self.graph.count))
         self._refresh()
 
     def _begin_at_displacements(self) -> None:
-        """Restart at the present displacements; blocks and coarse space are left to the caller."""
+        """Restart at the present displacements; the caller updates blocks and coarse space."""
         equilibrium, graph = self.equilibrium, self.graph
         self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
@@ -136,35 +136,35 @@ class StressSolver:
 
     @property
     def graph(self) -> BondGraph:
-        """Give the bonds."""
+        """Return the bond graph."""
         return self.equilibrium.graph
 
     @property
     def displacement(self) -> np.ndarray:
-        """Give the displacements of the parts [m, rad], world, (N + 1, 6), see `Equilibrium`."""
+        """Return the displacements of the parts [m, rad], world, (N + 1, 6), see `Equilibrium`."""
         return self.equilibrium.displacement
 
     @property
     def labels(self) -> np.ndarray:
-        """Give the component of each part, see `components.label`, (N,)."""
+        """Return the component of each part, see `components.label`, (N,)."""
         return self.equilibrium.labels
 
     @property
     def supported(self) -> np.ndarray:
-        """Mark the parts that hold on to the ground, (N,) bool."""
+        """Return the mask of parts connected to the ground, (N,) bool."""
         return self.equilibrium.supported
 
     def wrenches(self, bonds: np.ndarray | None = None) -> np.ndarray:
-        """Give what bonds carry [N, N·m], (K, 6), see `Equilibrium.wrenches`."""
+        """Return the wrenches of bonds [N, N·m], (K, 6), see `Equilibrium.wrenches`."""
         return self.equilibrium.wrenches(bonds)
 
     def utilisation(self) -> tuple[np.ndarray, np.ndarray]:
-        """Give utilisation and cause of failure of every bond, see `strength.utilisation`."""
+        """Compute utilisation and failure mode of every bond, see `strength.utilisation`."""
         return strength.utilisation(self.graph, self.wrenches())
 
     def set_loads(self, force: np.ndarray, moment: np.ndarray | None = None) -> None:
         """
-        Replace the loads that act besides the weight: wind, blast, impacts, what rests on parts.
+        Replace the loads besides the weight: wind, blast, impacts, resting debris.
 
         :param force: at the centres of mass, world [N], (N, 3).
         :param moment: about the centres of mass, world [N·m], (N, 3).
@@ -182,10 +182,10 @@ class StressSolver:
 
     def cut(self, bonds: np.ndarray, dynamic_factor: float = 1.0) -> None:
         """
-        Break bonds; what they carried becomes residual and is redistributed by later iterations.
+        Break bonds; their forces become residual, redistributed by later iterations.
 
         :param bonds: rows of the graph, (K,).
-        :param dynamic_factor: how many times the released forces count until `forget_sudden`: 2
+        :param dynamic_factor: factor on the released forces until `forget_sudden`: 2
             is the peak of an undamped structure whose support vanishes at once (Biggs 1964,
             Introduction to Structural Dynamics, section 2.3), 1 is slow release.
         """
@@ -194,16 +194,16 @@ class StressSolver:
             self._change(self.equilibrium.cut, bonds, dynamic_factor)
 
     def narrow(self, bonds: np.ndarray, low: np.ndarray, high: np.ndarray) -> None:
-        """Open bonds partly and for good, see `strength.opening` and `BondGraph.narrow`."""
+        """Open bonds partly and permanently, see `strength.opening` and `BondGraph.narrow`."""
         self._change(self.equilibrium.narrow, bonds, low, high)
 
     def weaken(self, bonds: np.ndarray, share: np.ndarray) -> None:
-        """Leave reinforced bonds so much of the stiffness they have, see `ties`."""
+        """Scale the stiffness of reinforced bonds by a share each, see `ties`."""
         if len(bonds):
             self._change(self.equilibrium.weaken, bonds, share)
 
     def crack(self, bonds: np.ndarray) -> None:
-        """Crack bonds, which then carry no tension, see `Equilibrium.crack`."""
+        """Crack bonds, which carry no tension from then on, see `Equilibrium.crack`."""
         graph = self.graph
         bonds = bonds[graph.alive[bonds] & ~graph.cracked[bonds]]
         if len(bonds):
@@ -229,7 +229,7 @@ class StressSolver:
         self.state, self.problem = self.state + 1, self.problem + 1
 
     def _halt(self) -> None:
-        """End the present step before loads or bonds change: it might go too far."""
+        """Finish the present step by line search before loads or bonds change."""
         if not self.known:
             self._finish()
             self._moved()
@@ -242,7 +242,7 @@ class StressSolver:
     def _look(self) -> None:
         """Find the islands out of equilibrium."""
         self._stale_view = False
-        if self._gradients.coarse is None:  # nothing stands, so nothing is loaded
+        if self._gradients.coarse is None:  # no standing parts
             self.residual, self.working = 0.0, 0
             return
         sizes = self.equilibrium.residual_sizes()
@@ -269,11 +269,11 @@ class StressSolver:
 
     def iterate(self, limit: int, enough: float = 1.0, least: Reach = PLAY) -> float:
         """
-        Work on the islands out of equilibrium.
+        Iterate on the islands out of equilibrium.
 
         :param limit: largest number of iterations.
         :param enough: largest nodal residual to stop at, in tolerances, not less than 1.
-        :param least: that hinges have moved by, at which to stop, too.
+        :param least: least motion of hinges; also stop when there are any.
         :returns: the largest nodal residual [N].
         """
         target = self._target = enough * self.goal
@@ -305,7 +305,7 @@ class StressSolver:
         return self.residual
 
     def _begin(self) -> None:
-        """Start a step of Newton's method from where the displacements are."""
+        """Start a step of Newton's method at the present displacements."""
         rows = self._islands.cracked(self.graph)
         self._begun, self._step = True, Step.straight(self.equilibrium)
         if len(rows):
@@ -313,11 +313,11 @@ class StressSolver:
             self._next_step()
 
     def _end(self) -> None:
-        """Finish a step by line search with the true forces, and start the next one there."""
+        """Finish a step by line search with the true forces, and start the next step."""
         rows = self._islands.cracked(self.graph)
         self._finish()
         self._next_step()
-        if not self._step.curved:  # balanced with that friction: now with that of these pressures
+        if not self._step.curved:  # balanced under old friction bounds: update the bounds
             self.equilibrium.linearise(rows)
             self._moved()
 
@@ -327,7 +327,7 @@ class StressSolver:
         self._linearise(self._step.rows, False)
 
     def _next_step(self) -> None:
-        """Start a step where the last one has ended."""
+        """Start a step at the end of the last one."""
         self._look()
         self._step = self._step.next(self.equilibrium, self._islands, self._target, self.goal)
         if self._step.confined:
@@ -359,19 +359,19 @@ class StressSolver:
         return done
 
     def _refresh(self) -> None:
-        """Renew the coarse space."""
+        """Rebuild the coarse space."""
         self._gradients.aggregate(np.flatnonzero(self.supported))
         self._worked = 0
         if self.known or self._gradients.coarse is None:
             self._look()
-        else:  # a step keeps to its islands
+        else:  # the islands of a step stay the same
             self._gradients.begin(self._islands)
 
     def part_hinges(self, least: Reach = PLAY) -> np.ndarray:
         """
-        Cut the cracked joints that open or slide without end: the hinges of a mechanism.
+        Cut the hinges of a mechanism: cracked joints that open or slide without bound.
 
-        All goes back to where it was in equilibrium last: how it moved since does not count.
+        Reset all displacements to the last equilibrium.
 
         :returns: rows of the graph.
         """
@@ -383,17 +383,17 @@ class StressSolver:
 
     def in_motion(self, least: Reach, balanced: bool) -> np.ndarray:
         """
-        List the parts that a mechanism moves away from where they were in equilibrium last.
+        List the parts that a mechanism has moved since the last equilibrium.
 
-        :param least: that hinges have moved by.
-        :param balanced: whether displacements tell how far all has come.
+        :param least: least motion of hinges.
+        :param balanced: whether the displacements are accurate enough to measure drift.
         """
         far = self.adrift(SWAY) if balanced else self.mechanisms(SWAY)
         moves = len(self._hinges(least)) or len(far)
         return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
 
     def motion(self, parts: np.ndarray) -> np.ndarray:
-        """Give how far parts have come since they were in equilibrium last [m], (K, 3)."""
+        """Return the displacements of parts since the last equilibrium [m], (K, 3)."""
         return (self.displacement - self._calm)[parts, :3]
 
     def rewind(self) -> None:
@@ -405,7 +405,7 @@ class StressSolver:
         self.state, self.problem = self.state + 1, self.problem + 1
 
     def _hinges(self, least: Reach) -> np.ndarray:
-        """List the joints that `part_hinges` would cut; none while a step is under way."""
+        """List the joints that `part_hinges` would cut; none during a step."""
         rows = np.flatnonzero(self.graph.cracked) if self.known else np.zeros(0, np.intp)
         if not len(rows):
             return rows
@@ -418,9 +418,9 @@ class StressSolver:
 
     def adrift(self, furthest: float) -> np.ndarray:
         """
-        List the parts that have drifted since all held; none while a step is under way.
+        List the parts that have drifted since the last stable state; none during a step.
 
-        :param furthest: from here on [m]: `DRIFT` or `SWAY`.
+        :param furthest: threshold of the drift [m]: `DRIFT` or `SWAY`.
         """
         if not self.known:
             return np.zeros(0, np.intp)
@@ -428,19 +428,19 @@ class StressSolver:
 
     @property
     def drift(self) -> np.ndarray:
-        """Give how far parts have come since all held, along x, y or z [m], (N,)."""
+        """Return the drift of parts since the last stable state, along x, y or z [m], (N,)."""
         return np.abs(self.displacement - self.sound)[:-1, :3].max(axis=1, initial=0.0)
 
     def hold(self) -> None:
-        """Record that all holds: drift counts from here on."""
+        """Record the present displacements as stable; drift is measured from them."""
         self.sound = self.displacement.copy()
 
     def mechanisms(self, furthest: float) -> np.ndarray:
         """
-        List the parts that no static equilibrium worth the name holds.
+        List the parts without a static equilibrium.
 
-        Converged, these are the parts displaced too far; otherwise the parts still unbalanced when
-        the iterations since the last change have run out of patience.
+        After convergence, these are the parts displaced too far; otherwise the parts still
+        unbalanced when the iterations since the last change have reached their limit.
 
         :param furthest: see `adrift`.
         """
@@ -450,10 +450,10 @@ class StressSolver:
 
     @property
     def curved(self) -> bool:
-        """Whether cracked joints are among what is out of balance."""
+        """Whether the islands out of balance have cracked joints."""
         return self._step.curved
 
     @property
     def _exhausted(self) -> bool:
-        """Whether the iterations since the last change have run out of patience."""
+        """Whether the iterations since the last change have reached their limit."""
         return self._patience >= _PATIENCE and self.known

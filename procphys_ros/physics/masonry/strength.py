@@ -27,8 +27,8 @@ counts as capacity, so that it stays finite and equals 1 exactly on the limit:
     compression  (p + bending stress) / f_c
 
 With f_t = 0 the first is eccentricity over kern: a dry bed opens once the resultant leaves the
-middle third. What a bond does when a limit is passed is said in `fracture.Fracture`, and of
-reinforced ones in `ties`, whose steel takes the place of the first limit once they have cracked.
+middle third. `fracture.Fracture` decides what happens to bonds beyond a limit. In reinforced bonds
+(`ties`) the yielding of steel replaces the first limit once they have cracked.
 """
 
 import numpy as np
@@ -41,15 +41,15 @@ from procphys_ros.physics.masonry.ties import tie_stress
 
 _TENSION, _COMPRESSION = int(Cause.TENSION), int(Cause.COMPRESSION)  # for kernels
 _LEAST = 1.0        # [Pa], keeps the utilisation of a bond without strength and pressure finite
-_LIGAMENT = 0.05    # least share of the whole side that may stay closed: less crushes away
-_BLOCK = 1e-3       # least side of the block that bears a resultant on the edge, of the patch
+_LIGAMENT = 0.05    # least share of the whole side that may stay closed: less is crushed
+_BLOCK = 1e-3       # of the side of the patch: least side of the block under the resultant
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
 
 
 @kernel
 def _crush(wrench, extent, compression):
     """
-    Give the pressure of a cracked joint over the strength of the block around its resultant.
+    Return the utilisation in compression of a cracked joint: pressure over block strength.
 
     The block is rectangular, uniformly stressed and centred on the resultant (EN 1996-1-1, 6.1.2).
     """
@@ -62,7 +62,7 @@ def _crush(wrench, extent, compression):
 
 @kernel
 def _is_free(wrench):
-    """Return whether a bond carries nothing, as those of fallen islands do."""
+    """Return whether a bond is unloaded, as in fallen islands."""
     free = True
     for c in range(6):
         free &= wrench[c] == 0.0
@@ -101,18 +101,18 @@ def _utilise(alive, cracked, held, wrench, area, extent, tension, cohesion, fric
         for c in range(3):
             if share[c] > out[m]:
                 out[m] = share[c]
-                cause[m] = _TENSION + c  # tension, shear, compression: numbered in a row
+                cause[m] = _TENSION + c  # tension, shear, compression: consecutive numbers
 
 
 def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Compute the utilisation of bonds: load over strength.
 
-    Joints of reinforced members answer for the moments within the pieces beside them (`members`).
+    Joints of reinforced members are checked for the moments within adjacent pieces (`members`).
 
     :param graph: areas, extents and strengths.
     :param wrench: force and moment in the bond frame, tension positive [N, N·m], (M, 6).
-    :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and what governs,
+    :returns: utilisation, 1 at the limit, 0 for dead bonds, (M,), and governing limit,
         `causes.Cause`, (M,) uint8.
     """
     wrench = with_largest_moments(graph.pieces, graph.alive, graph.centroid, graph.axes, wrench)
@@ -127,7 +127,7 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
 
 @kernel
 def _closed(wrench, extent):
-    """Give the eccentricity of a pressed bond's resultant and what stays closed, along x, y."""
+    """Compute eccentricity and closed length of a pressed bond, along x, then along y [m]."""
     x, y = wrench[4] / -wrench[2], wrench[3] / wrench[2]
     kern_x, kern_y = 6.0 * abs(x) / extent[0], 6.0 * abs(y) / extent[1]  # 1: edge of middle third
     more = (kern_x + kern_y) / max(kern_x, kern_y, 1e-12)
@@ -137,7 +137,7 @@ def _closed(wrench, extent):
 
 @kernel
 def stays_closed(wrench, extent, whole_extent):
-    """Return whether a bond over its limit of edge tension stays partly closed, see `opening`."""
+    """Return whether a bond beyond its edge tension stays partly closed, see `opening`."""
     if not wrench[2] < 0.0:
         return False
     _, x, _, y = _closed(wrench, extent)
@@ -164,20 +164,20 @@ def _open(bonds, wrench, extent, whole_extent, stays, low, high):
 def opening(graph: BondGraph, bonds: np.ndarray,
             wrench: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Decide what remains of bonds whose edge tension passed the limit: the cracked section.
+    Compute the cracked section of bonds whose edge tension exceeds the limit.
 
-    A pulled bond breaks. A pressed one opens from its pulled edge until the pressure, linear
-    without tension, balances the resultant: it stays closed over 3·(e/2 - eccentricity) from the
-    pressed edge (elementary theory of the section without tension), less a margin so that opening
-    comes to an end. Eccentric along both sides, each side opens as if the other's eccentricity
-    were added in proportion: rather too much than too little. When next to nothing stays closed,
+    A bond in tension breaks. A bond in compression opens from its tensile edge until the pressure,
+    linear without tension, balances the resultant: it stays closed over 3·(e/2 - eccentricity)
+    from the pressed edge (elementary theory of the no-tension section), less a margin so that
+    opening terminates. With eccentricity along both sides, each side opens as if the other's
+    eccentricity were added in proportion, a conservative estimate. If almost nothing stays closed,
     or the resultant is outside the patch, the bond breaks.
 
     :param bonds: rows, (K,).
     :param wrench: of these bonds, bond frame, (K, 6).
-    :returns: whether it stays partly closed, (K,) bool, and the lower and upper corners of what
-        stays, all of the patch where the bond breaks, from the centroid in the bond frame [m],
-        (K, 2) each.
+    :returns: whether each bond stays partly closed, (K,) bool, and the lower and upper corners of
+        the closed part, the whole patch where the bond breaks, from the centroid in the bond
+        frame [m], (K, 2) each.
     """
     stays = np.empty(len(bonds), bool)
     low, high = np.empty((2, len(bonds), 2))
@@ -189,16 +189,16 @@ def opening(graph: BondGraph, bonds: np.ndarray,
 def worst_first(graph: BondGraph, share: np.ndarray, band: float,
                 hopeless: float = np.inf) -> np.ndarray:
     """
-    Choose the bonds to break before stresses are solved anew.
+    Choose the bonds to break before stresses are solved again.
 
-    The worst bond breaks, and with it every bond over its limit that is within `band` of it, or
+    The worst bond breaks, and with it every overloaded bond that is within `band` of it, or
     hopeless, and is worse than all others two bonds away: far enough that breaking the worst
-    relieves it little. However overloaded, the others wait: lasting loads grow until the first
-    bond breaks, and what carries much less than the worst does so in a state never reached.
+    relieves it little. The others wait at any overload: lasting loads grow until the first
+    bond breaks, so the state in which lesser bonds are overloaded is never reached.
 
     :param share: utilisation, (M,).
     :param band: least utilisation relative to the worst; 1 breaks the worst alone.
-    :param hopeless: utilisation that the breaking of others elsewhere will not bring below 1.
+    :param hopeless: utilisation that the breaking of other bonds does not bring below 1.
     :returns: rows of bonds, ascending.
     """
     over = np.flatnonzero(share > 1.0)
@@ -208,7 +208,7 @@ def worst_first(graph: BondGraph, share: np.ndarray, band: float,
     np.maximum.at(peak, graph.first[over], share[over])
     np.maximum.at(peak, graph.second[over], share[over])
     far = np.append(np.diff(graph.start) > HUB, True)
-    peak[far] = 0.0  # bonds on the ground, or around a slab, are not near each other
+    peak[far] = 0.0  # bonds that share only the ground or a slab are not near each other
     around = np.maximum(peak[graph.first[over]], peak[graph.second[over]])
     wider = np.zeros(graph.count + 1)
     np.maximum.at(wider, graph.first[over], around)

@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Subdomains: the parts that are furthest out of balance and those near them, set by set.
+Subdomains: the parts with the largest residuals and their neighbours, set by set.
 
-What a crack or a blow changes at once is near it, and so are the joints that open, close and slide
-by it. So steps of Newton's method on what is around it, while all else stays where it is, take off
-most of the work that steps on a whole building would do (nonlinear elimination; Lanzkron, Rose and
-Wilkes 1996, SIAM J. Sci. Comput. 17(2)).
+A crack or a blow first changes stresses nearby, where joints open, close and slide. Steps of
+Newton's method on its surroundings, with all other parts fixed, save most of the work of steps on
+a whole building (nonlinear elimination; Lanzkron, Rose and Wilkes 1996, SIAM J. Sci. Comput.
+17(2)).
 """
 
 import numpy as np
@@ -27,22 +27,22 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.islands import Islands
 
-_LARGE = 6000       # parts of islands in which it pays to choose some
-_CARRIES = 0.5      # of the residual that a step is to leave: what is chosen carries more, ...
-_RINGS = 2          # ... or is so many bonds away from that
-_MOST = 1.0 / 3.0   # of all parts: with more a step on all costs little more
+_LARGE = 6000       # parts: least size of islands for subdomains to pay off
+_CARRIES = 0.5      # of the target residual of a step: least residual of seed parts
+_RINGS = 2          # bonds: largest distance of other parts in a subdomain from a seed
+_MOST = 1.0 / 3.0   # of all parts: beyond this a step on all parts costs little more
 
 
 def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
                  goal: float) -> Islands | None:
     """
-    List the parts that a step over cracked joints begins with; None for all of them.
+    Find the subdomains that a step over cracked joints is confined to; None for all parts.
 
     :param graph: the bonds.
-    :param islands: out of balance.
+    :param islands: islands out of balance.
     :param sizes: nodal residuals [N], (N,).
-    :param goal: largest one that the step is to leave [N].
-    :returns: connected sets of parts, with the bonds to what is around them.
+    :param goal: largest nodal residual at the end of the step [N].
+    :returns: connected sets of parts, with the bonds to their surroundings.
     """
     if len(islands.parts) < _LARGE or not graph.cracked[islands.bonds].any():
         return None
@@ -56,7 +56,7 @@ def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
 
 @kernel
 def _surround(seeds, rings, most, start, incident, alive, first, second, inside):
-    """Mark seeds, and parts up to so many bonds away from them; say if these are not too many."""
+    """Mark parts within some rings around seeds; return whether there are at most `most`."""
     count = len(inside)
     queue = np.empty(count, np.int64)
     queue[:len(seeds)] = seeds
@@ -82,7 +82,7 @@ def _surround(seeds, rings, most, start, incident, alive, first, second, inside)
 def _gather(inside, start, incident, alive, first, second):
     """List parts and bonds set by set, both in ascending order; see `Islands`."""
     count, total = len(inside), 0
-    open_ = np.zeros(count + 1, np.bool_)  # the ground is none of them
+    open_ = np.zeros(count + 1, np.bool_)  # the last entry is the ground
     for i in range(count):
         open_[i] = inside[i]
         total += start[i + 1] - start[i] if inside[i] else 0

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Superposition: earlier answers of a linear structure, added up to guess the next one."""
+"""Superposition: initial guesses of displacements from earlier solutions of linear structures."""
 
 from typing import Any
 
@@ -21,19 +21,19 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 
-_KEPT = 24  # answers; wind that turns by 98 degrees in a minute of storm spans 16 patterns
-_SMALLEST = 1e-6  # share of the largest energy of an answer that must be new to be worth keeping
-_BLOCK = 64  # parts that stay in the fastest memory while all answers are added up
+_KEPT = 24  # solutions; wind that turns by 98 degrees in a minute of storm spans 16 patterns
+_SMALLEST = 1e-6  # of the largest energy of a solution: least new energy of one that is kept
+_BLOCK = 64  # parts that stay in the cache while all solutions are summed
 
 
 class Superposition:
     """
-    Keeps answers to changes of load, orthonormal in the energy of each building by itself.
+    Solutions for changes of load, orthonormal in the energy of each building separately.
 
     The projection of Fischer (1998, Comput. Methods Appl. Mech. Eng. 163, 193-204, method 2): the
-    combination of kept answers that is nearest to the new one in energy. The loads that answers
-    belong to are differences of residuals, which the solver keeps exactly, so no product with the
-    stiffness is needed, and answers that were not iterated to the end serve as well.
+    combination of kept solutions that is nearest to the new one in energy. The loads of solutions
+    are differences of residuals, which the solver keeps exact, so no product with the
+    stiffness is needed, and solutions that have not converged serve as well.
     """
 
     _start: tuple[np.ndarray, np.ndarray] | None
@@ -44,35 +44,35 @@ class Superposition:
 
     def forget(self, labels: np.ndarray, straight: np.ndarray) -> None:
         """
-        Forget all answers: the stiffness has changed.
+        Discard all solutions after a change of stiffness.
 
-        :param labels: which building each part belongs to, (N,).
-        :param straight: parts whose building answers loads in proportion, (N,) bool; nothing is
-            guessed for the others.
+        :param labels: building of each part, (N,).
+        :param straight: parts of buildings with a linear response, (N,) bool; there is no guess
+            for the others.
         """
         self._owner = np.append(labels, 0)  # the ground, which neither moves nor is loaded
         self._straight = np.append(straight, True)[:, None]
         self._known = 0
         self._answers = self._loads = np.empty((0, len(self._owner), 6))
-        self._largest = np.zeros((len(self._owner), 1))  # energy of an answer, per building
+        self._largest = np.zeros((len(self._owner), 1))  # energy of a solution, per building
         self._start = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Give all but room that is not used, for snapshots."""
+        """Return the state without unused capacity, for snapshots."""
         return {**self.__dict__, '_answers': self._answers[:self._known],
                 '_loads': self._loads[:self._known]}
 
     def shift(self, change: np.ndarray) -> None:
-        """Record a change of load that is not to be guessed, (N + 1, 6)."""
+        """Record a change of load without a guess of its displacements, (N + 1, 6)."""
         if self._start is not None:
             self._start[1][:] += change
 
     def guess(self, displacement: np.ndarray, residual: np.ndarray, change: np.ndarray) -> None:
         """
-        Add a change of load to the residual, and to the displacement what is known to answer it.
+        Add a change of load to the residual, and its guessed solution to the displacements.
 
         :param displacement: [m, rad], (N + 1, 6), changed in place.
-        :param residual: load that nothing balances yet [N, N·m], (N + 1, 6), changed in place.
+        :param residual: unbalanced load [N, N·m], (N + 1, 6), changed in place.
         :param change: of the load, (N + 1, 6).
         """
         if self._start is not None and not np.array_equal(displacement, self._start[0]):
@@ -83,18 +83,18 @@ class Superposition:
         self._start = displacement.copy(), residual.copy()
 
     def _project(self, answer: np.ndarray, load: np.ndarray, sign: float) -> None:
-        """Subtract the known part of a load, and add the answers to it with a sign to another."""
+        """Subtract the projection of a load, and add sign times its solution to `answer`."""
         if self._known:
             _project(self._owner, self._answers[:self._known], self._loads[:self._known], answer,
                      load, sign)
 
     def _energy(self, answer: np.ndarray, load: np.ndarray) -> np.ndarray:
-        """Give the work of a load on an answer, summed over each building, (N + 1, 1)."""
+        """Compute the work of a load on a solution, summed over each building, (N + 1, 1)."""
         work = np.bincount(self._owner, np.einsum('ki,ki->k', answer, load))
         return work[self._owner, None]
 
     def _learn(self, answer: np.ndarray, load: np.ndarray) -> None:
-        """Keep what was done since the last guess, unless next to nothing of it is new."""
+        """Keep the solution since the last guess, if a relevant part of its energy is new."""
         self._largest = np.maximum(self._largest, self._energy(answer, load))
         self._project(answer, load, -1.0)
         energy = self._energy(answer, load)
@@ -113,7 +113,7 @@ class Superposition:
 
 
 def _with_room(known: np.ndarray) -> np.ndarray:
-    """Make room behind what is known for all that may be kept, (_KEPT, N + 1, 6)."""
+    """Extend an array of solutions or loads to full capacity, (_KEPT, N + 1, 6)."""
     room = np.empty((_KEPT, *known.shape[1:]))
     room[:len(known)] = known
     return room
@@ -122,10 +122,10 @@ def _with_room(known: np.ndarray) -> np.ndarray:
 @kernel
 def _project(owner, answers, loads, answer, load, sign):
     """
-    Take known answers out of a load, building by building, and add them with a sign to another.
+    Subtract the projection of a load, by building, and add sign times its solution to `answer`.
 
     :param owner: building of each part, (N + 1,).
-    :param answers, loads: orthonormal, and what they answer, (K, N + 1, 6).
+    :param answers, loads: orthonormal solutions and their loads, (K, N + 1, 6).
     :param answer, load: (N + 1, 6), changed in place.
     """
     shares = np.zeros((len(answers), len(owner)))

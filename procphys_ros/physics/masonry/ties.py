@@ -13,17 +13,17 @@
 # limitations under the License.
 
 """
-Reinforced bonds once their concrete has cracked: what the steel carries, and until when.
+Reinforced bonds with cracked concrete: stress, yielding and rupture of the steel.
 
 The steel lies near both faces of a section, z = 0.72 of its depth apart, and each layer yields at
 s·A. The layer on the pulled side carries the moment over z and half of the normal force (EN
 1992-1-1 6.1 with the concrete's pressure in the other layer), so that a section without normal
 force yields at M = s·A·z and one without moment at N = 2·s·A.
 
-A cracked section keeps a share of its stiffness. Where its steel yields it gives way at a constant
-moment, which is followed by halving that share event by event, a saw-tooth law (sequentially
+A cracked section keeps a share of its stiffness. Where its steel yields it rotates at a constant
+moment, approximated by halving that share event by event, a saw-tooth law (sequentially
 linear analysis; Rots & Invernizzi 2004, Int. J. Numer. Anal. Meth. Geomech. 28, 83-96), until the
-crack has opened so far that the steel tears.
+opening of the crack tears the steel.
 """
 
 import numpy as np
@@ -32,9 +32,9 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import BondGraph
 
 LEVER = 0.72     # z over the depth of the section: 0.9·d, with d = 0.8 of thin slabs and lintels
-CRACKED = 0.25   # of the stiffness between two pieces remains after the crack: it softens as much
-#                  of them as the section is deep to I_cr/I = 0.07 (0.25 % of steel, α_e = 6), and
-#                  they are some five times as long
+CRACKED = 0.25   # of the stiffness between two pieces remains after the crack: it softens a length
+#                  equal to the depth of the section to I_cr/I = 0.07 (0.25 % of steel, α_e = 6),
+#                  and pieces are some five times as long
 _YIELDED = 0.5   # of the stiffness at each event of yielding
 ELONGATION = 0.005  # [m] at which steel tears: ε_uk = 5 % (EN 1992-1-1 table C.1, class B) over
 #                     the 0.1 m along which a bar slips beside a crack
@@ -43,7 +43,7 @@ ELONGATION = 0.005  # [m] at which steel tears: ε_uk = 5 % (EN 1992-1-1 table C
 @kernel(inline='always')
 def tie_stress(pull, bending):
     """
-    Give the force of the pulled layer of steel, over the area of the section [Pa].
+    Return the force of the tensile layer of steel over the area of the section [Pa].
 
     :param pull: normal force over the area, tension positive [Pa].
     :param bending: sum of the moments over their section moduli, A·e/6 [Pa].
@@ -54,7 +54,7 @@ def tie_stress(pull, bending):
 def give_way(graph: BondGraph, bonds: np.ndarray, wrench: np.ndarray
              ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Give the share of stiffness kept by each bond that cracks or whose steel yields.
+    Compute the remaining share of stiffness of bonds that crack or whose steel yields.
 
     :param bonds: rows of reinforced bonds beyond their limit, (K,).
     :param wrench: of these, bond frame [N, N·m], (K, 6).

@@ -13,28 +13,28 @@
 # limitations under the License.
 
 
-"""Tolerances of the stress solver, sharper where loads push an island as a whole."""
+"""Tolerances of the stress solver, tighter where loads push an island as a whole."""
 
 import numpy as np
 
 from procphys_ros.linear import norm
 from procphys_ros.physics.masonry import pcg
 
-_COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of what is left
-#                  unbalanced in an island; gentle loads on all of a wall together tip it, ...
-_WEIGHT = 0.015  # tolerances times the number of parts: likewise for small islands; a tolerance of
-#                  a tenth of a weight makes it 3 % of what tips a wall 20 times as high as thick
-_SHARPER = 0.05  # of gentle loads on each part: what may be left of them, ...
-_ALONE = 0.015   # ... and of their sum, where they act on one part: columns pushed at their top
+_COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of the residuals
+#                  in an island; small loads on all parts of a wall together tip it
+_WEIGHT = 0.015  # tolerances times the number of parts: the same for small islands; a tolerance of
+#                  a tenth of a weight makes it 3 % of the load that tips a wall of slenderness 20
+_SHARPER = 0.05  # of small loads on each part: their tolerance
+_ALONE = 0.015   # of the sum of the loads: tolerance where they act on one part, as on columns
 
 
 def sharpened(tolerance: float, residual: np.ndarray, labels: np.ndarray,
               reach: np.ndarray) -> float:
     """
-    Give the tolerance that loads on islands as a whole ask for.
+    Compute the tolerance, tightened for loads that push islands as a whole.
 
     :param tolerance: for loads on single parts, the largest nodal residual [N].
-    :param residual: what nothing balances yet [N, N·m], (N + 1, 6).
+    :param residual: unbalanced loads [N, N·m], (N + 1, 6).
     :param labels: island of each part, (N,).
     :param reach: see `BondGraph`, (N,).
     :returns: largest nodal residual [N].

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Everything that collides: ground, fragments, bricks, projectiles, and how they come to rest."""
+"""Rigid-body world: collisions and sleeping of ground, fragments, bricks and projectiles."""
 
 from procphys_ros.physics.rigid.joints import JointKind
 from procphys_ros.physics.world.assembly import expand, rigid_sum, RigidSum

@@ -15,8 +15,8 @@
 """
 Admission: add standing bricks to the engine when a moving body comes near them.
 
-Even what is frozen costs an engine every step, and to create a body some 0.1 ms: a second or two
-for a large building.
+Even frozen bodies cost an engine time in every step, and creating a body takes some 0.1 ms: a
+second or two for a large building.
 """
 
 import numpy as np
@@ -27,19 +27,19 @@ from procphys_ros.physics.world.engine import Engine
 from procphys_ros.physics.world.extents import bounds
 from procphys_ros.physics.world.sleeping import rim_speed
 
-_ROOM = 0.5  # [m] from what moves, beyond its way; engines look for contacts within 2 cm
-_WAYS = 2.0  # steps that it is looked ahead
-_GONE = 0.1  # share of the listed ones that may wait no more before they are listed anew
+_ROOM = 0.5  # [m] around the swept bounds of moving bodies; engines look for contacts within 2 cm
+_WAYS = 2.0  # steps of motion in these swept bounds
+_GONE = 0.1  # share of listed bodies that have left the queue at which the list is rebuilt
 
 
 class Queue:
     """
-    Immovable bodies that an engine does not have yet.
+    Immovable bodies that are not yet in an engine.
 
-    What is driven passes through them, so that only what moves freely fetches them.
+    Kinematic bodies pass through them, so only awake bodies admit them.
 
-    :param engine: that gets them.
-    :param bodies: the table that they are in.
+    :param engine: engine to add them to.
+    :param bodies: table of the bodies.
     """
 
     def __init__(self, engine: Engine, bodies: BodyTable):
@@ -48,7 +48,7 @@ class Queue:
         self._keep(np.zeros(0, np.intp))
 
     def _keep(self, ids: np.ndarray) -> None:
-        """List the ids and bounds of those that wait; some of them may wait no more since."""
+        """Store ids and bounds of queued bodies; bodies that leave later stay listed at first."""
         self._ids, self._bounds = ids, self._bodies.bounds[ids]
         self._left = 0  # of these
         self._low = self._bounds[:, :3].min(axis=0, initial=np.inf)
@@ -66,26 +66,26 @@ class Queue:
         self._waits[ids] = True
 
     def drop(self, ids: np.ndarray) -> np.ndarray:
-        """Forget bodies that are removed, and give those that the engine has."""
+        """Drop removed bodies from the queue; return the others, which the engine has."""
         waits = self._find(ids)
         self._leave(ids[waits])
         return ids[~waits]
 
     def admit_among(self, ids: np.ndarray) -> np.ndarray:
-        """Give the engine what waits of some bodies, as they are now; give those that it had."""
+        """Add the queued ones of some bodies to the engine; return those that it already had."""
         waits = self._find(ids)
         self._admit(np.unique(ids[waits]))
         return ids[~waits]
 
     def _find(self, ids: np.ndarray) -> np.ndarray:
-        """Return which bodies are queued, (K,) bool."""
+        """Mark the bodies that are queued, (K,) bool."""
         known = ids < len(self._waits)
         known[known] = self._waits[ids[known]]
         return known
 
     def advance(self, awake: np.ndarray, time_step: float) -> None:
         """
-        Give the engine what something may touch in this step.
+        Add to the engine the queued bodies that awake bodies may touch in this step.
 
         :param awake: ids of the bodies that move freely, (K,).
         :param time_step: [s].

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rigid sums: what many parts are when they move as one body, and back."""
+"""Rigid sums: convert parts to one rigid body with their mass and momentum, and back."""
 
 from dataclasses import dataclass
 
@@ -45,10 +45,10 @@ class RigidSum:
 def rigid_sum(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
               velocities: np.ndarray | None = None) -> RigidSum:
     """
-    Add parts up to one rigid body that has their momentum and angular momentum.
+    Combine parts into one rigid body with their momentum and angular momentum.
 
-    Inertia by the parallel-axis theorem; the velocity is what a perfectly plastic bond between
-    the parts would leave, so parts that already move as one keep their energy too.
+    Inertia by the parallel-axis theorem; the velocity is that after a perfectly plastic impact
+    between the parts, so parts that already move as one body keep their energy too.
 
     :param mass: of the parts [kg], (P,).
     :param inertia: principal moments in the parts' axes [kg·m²], (P, 3).
@@ -64,7 +64,7 @@ def rigid_sum(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
 
 @kernel
 def _rigid_sum(mass, inertia, poses, velocities):
-    """Give the values of `RigidSum`."""
+    """Compute the fields of `RigidSum`."""
     total, centre, drift, tensor, spin = _collect(mass, inertia, poses, velocities)
     moments, principal = diagonalise(tensor)
     first, second = principal[:, 1], principal[:, 2]
@@ -80,7 +80,7 @@ def _rigid_sum(mass, inertia, poses, velocities):
 
 @kernel
 def _collect(mass, inertia, poses, velocities):
-    """Sum up mass, centre, drift, inertia tensor and spin about the centre."""
+    """Sum mass, centre, mean velocity, inertia tensor and angular momentum about the centre."""
     total = mass.sum()
     centre, drift, spin = np.zeros(3), np.zeros(3), np.zeros(3)
     for p in range(len(mass)):
@@ -112,7 +112,7 @@ def _collect(mass, inertia, poses, velocities):
 
 @kernel
 def quaternion(m):
-    """Turn a rotation matrix, (3, 3), into a quaternion as `rotation.from_matrix` does, (4,)."""
+    """Convert a rotation matrix, (3, 3), to a quaternion as `rotation.from_matrix` does, (4,)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
     choice, most = 3, trace
     for i in range(3):
@@ -156,7 +156,7 @@ def relative_rows(frame, poses):
 @kernel
 def aligned_extents(poses, sizes, tolerance):
     """
-    Return which boxes are turned by quarter turns only, and their extents along the axes.
+    Mark the boxes that are rotated by quarter turns only, and compute their aligned extents.
 
     :param poses: (P, 7).
     :param sizes: full extents in the boxes' own axes [m], (P, 3).
@@ -178,7 +178,7 @@ def aligned_extents(poses, sizes, tolerance):
 @kernel
 def expand(poses, velocities, body, local, part, out_poses, out_velocities):
     """
-    Carry parts along with their bodies: v = V + Ω × r, the same spin for all parts of a body.
+    Write poses and velocities of parts from those of their bodies: v = V + Ω × r.
 
     :param poses: of all bodies, row = id, (B, 7).
     :param velocities: of all bodies, world axes, (B, 6).

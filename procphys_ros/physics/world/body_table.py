@@ -27,14 +27,14 @@ from procphys_ros.physics.world.pieces import Pieces
 
 
 class BodyState(IntEnum):
-    """What a body does."""
+    """State of motion of a body."""
 
-    GONE = 0       # there is no such body
+    GONE = 0       # unused row
     GROUND = 1     # the ground, z <= 0
     FIXED = 2      # immovable until it is thawed: a standing brick
     RESTING = 3    # debris at rest: immovable until it is hit or loses its support
     AWAKE = 4      # moves freely
-    KINEMATIC = 5  # follows prescribed poses and pushes what is in its way
+    KINEMATIC = 5  # follows prescribed poses and pushes awake bodies
 
 
 _COLUMNS: dict[str, tuple[type, int]] = {  # type and width; 0 = a single value per body
@@ -57,9 +57,9 @@ class BodyTable:
     """
     Columns of bodies, of their collision shapes and of their ground contact points.
 
-    Rows of removed bodies are given to later ones, the last one removed first. The columns have
-    room for more rows than are in use; those are `GONE`. All of it can be saved and restored as
-    arrays; there is no handle of an engine in it.
+    Rows of removed bodies are reused by later ones, the last one removed first. The columns have
+    spare rows; those are `GONE`. The table can be saved and restored as arrays; it holds no
+    handles of an engine.
 
     :ivar state: `BodyState`, (B,) uint8.
     :ivar mass: [kg], also while immovable, (B,).
@@ -71,8 +71,8 @@ class BodyTable:
     :ivar poses: centre of mass and principal axes, world, (B, 7).
     :ivar velocities: linear and angular, world axes, (B, 6).
     :ivar target: pose of a kinematic body at the end of the next step, (B, 7).
-    :ivar quiet: how long the body has stayed where it is [s], (B,).
-    :ivar mark: pose that it has stayed near, (B, 7).
+    :ivar quiet: time that the body has stayed near `mark` [s], (B,).
+    :ivar mark: reference pose of the sleep test, (B, 7).
     :ivar bounds: axis-aligned bounds of immovable bodies [m], (B, 6).
     :ivar first_piece: row of its first collision shape, (B,).
     :ivar piece_count: number of its collision shapes, (B,).
@@ -84,7 +84,7 @@ class BodyTable:
     :ivar piece_size: as in `Blueprint.size` [m], (P, 3).
     :ivar piece_pose: in the body's frame, (P, 7).
     :ivar ground_point: in the body's frame [m], (Q, 3).
-    :ivar hexahedron_piece: which of the body's collision shapes it is, (H,).
+    :ivar hexahedron_piece: its index among the body's collision shapes, (H,).
     :ivar hexahedron_corners: as in `Hexahedra.corners` [m], (H, 24).
     """
 
@@ -124,12 +124,12 @@ class BodyTable:
 
     @property
     def ids(self) -> np.ndarray:
-        """Ids of all bodies there are, ascending, (K,)."""
+        """Ids of all bodies, ascending, (K,)."""
         return np.flatnonzero(self.state)
 
     @property
     def awake(self) -> np.ndarray:
-        """Ids of the bodies that move freely, ascending, (K,); not to be written to."""
+        """Ids of the bodies that move freely, ascending, (K,), read-only."""
         if self._awake is None:
             self._awake = np.flatnonzero(self.state[:self._used] == BodyState.AWAKE)
         return self._awake
@@ -140,7 +140,7 @@ class BodyTable:
         self._awake = None
 
     def add_ground(self, friction: float) -> np.ndarray:
-        """Add the ground, which must be the first body, and give its id as an array, (1,)."""
+        """Add the ground, which must be the first body; return its id, (1,)."""
         ids = self._add_rows(1, BodyState.GROUND)
         self.mass[ids] = self.inertia[ids] = np.inf
         self.friction[ids], self.restitution[ids] = friction, 1.0
@@ -148,7 +148,7 @@ class BodyTable:
         return ids
 
     def add_bodies(self, state: BodyState, bodies: Sequence[LooseBody]) -> np.ndarray:
-        """Add bodies with the values of the columns of the same names, and give their ids."""
+        """Add bodies with the values of the columns of the same names; return their ids."""
         ids = self._add_rows(len(bodies), state)
         pieces = [body.pieces for body in bodies]
         solids = [own.hexahedra for own in pieces]
@@ -166,7 +166,7 @@ class BodyTable:
         return ids
 
     def _append_all(self, kind: str, ids: np.ndarray, *rows: Sequence[np.ndarray]) -> None:
-        """Write rows of several bodies, one list per column, and note where they are."""
+        """Append rows of several bodies, one list per column, and record their places."""
         count = np.array([len(own) for own in rows[0]])
         if count.any():
             first = self._append(kind, *map(np.concatenate, rows))
@@ -179,14 +179,14 @@ class BodyTable:
                   mass: np.ndarray | float, friction: float, restitution: float,
                   hexahedra: Hexahedra, inertia: np.ndarray | None = None) -> np.ndarray:
         """
-        Add plain boxes; those alike get neighbouring ids, for engines add such at once.
+        Add plain boxes; equal boxes get adjacent ids, as engines add those faster.
 
         :param poses: (K, 7).
         :param sizes: full extents [m], (K, 3).
         :param mass: [kg], (K,).
         :param friction: Coulomb coefficient.
         :param restitution: coefficient of restitution.
-        :param hexahedra: those of the boxes that are no rectangular ones.
+        :param hexahedra: corners of the boxes that are not rectangular.
         :param inertia: principal moments [kg·m²], (K, 3); None = of solid rectangular boxes.
         :returns: ids, (K,).
         """
@@ -208,14 +208,14 @@ class BodyTable:
         return ids
 
     def remove(self, ids: np.ndarray) -> None:
-        """Remove bodies; their ids may be given again."""
+        """Remove bodies; their ids may be reused."""
         self.set_state(ids, BodyState.GONE)
         for body in ids.tolist():
             self._free.append(body)
             self._views.pop(body, None)
 
     def pieces(self, body: int) -> Pieces:
-        """Give the collision shapes of a body; the same object until the body is removed."""
+        """Return the collision shapes of a body, the same object until the body is removed."""
         if body not in self._views:
             first, point = self.first_piece[body], self.first_point[body]
             own = slice(first, first + self.piece_count[body])
@@ -230,10 +230,10 @@ class BodyTable:
     def velocity_change(self, body: int, impulse: np.ndarray, point: np.ndarray | None,
                         angular: np.ndarray | None) -> np.ndarray:
         """
-        Compute the change of velocity that an impulse causes in a free body, (6,).
+        Compute the velocity change of a free body by an impulse, (6,).
 
         :param impulse: [N·s], world, (3,).
-        :param point: where it acts, world [m], (3,); None = at the centre of mass.
+        :param point: point of application, world [m], (3,); None = at the centre of mass.
         :param angular: further angular impulse [N·m·s], world, (3,).
         """
         turn = np.zeros(3) if angular is None else np.array(angular, float)
@@ -246,11 +246,11 @@ class BodyTable:
 
     def copied(self, name: str, kept: np.ndarray) -> np.ndarray:
         """
-        Copy a column into an earlier copy of it: fresh memory takes longer than the copying.
+        Copy a column into an earlier copy of it, as allocation takes longer than copying.
 
         :param name: of the column.
-        :param kept: the earlier copy, or one of its first few values per body; a new one is made
-            when it has another number of rows.
+        :param kept: the earlier copy, or one of its first few values per body; a new copy is made
+            when the number of rows differs.
         """
         column = getattr(self, name)[:, :kept.shape[1]]
         if len(kept) != len(column):
@@ -259,7 +259,7 @@ class BodyTable:
         return kept
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy the columns, shapes of bodies that are gone left out."""
+        """Return copies of the columns, without shapes of removed bodies."""
         self._compact()
         saved = {name: getattr(self, name)[:self._used].copy() for name in _COLUMNS}
         for kind, columns in _ROWS:
@@ -270,7 +270,7 @@ class BodyTable:
 
     @classmethod
     def restore(cls, saved: dict[str, np.ndarray]) -> 'BodyTable':
-        """Build a table from what `save` gave."""
+        """Build a table from the result of `save`."""
         table = cls()
         for name, (kind, _) in (_COLUMNS | _PIECES | _POINTS | _HEXAHEDRA).items():
             setattr(table, name, np.array(saved[name], kind))
@@ -278,14 +278,14 @@ class BodyTable:
         table._used = len(table.state)
         table._used_rows = {kind: len(getattr(table, next(iter(columns))))
                             for kind, columns in _ROWS}
-        for name in _COLUMNS:  # the same room as before: sorts may depend on it
+        for name in _COLUMNS:  # the same capacity as before: sorts may depend on it
             column = getattr(table, name)
             room = np.zeros((int(saved['capacity']) - len(column), *column.shape[1:]))
             setattr(table, name, np.concatenate([column, room.astype(column.dtype)]))
         return table
 
     def _add_rows(self, count: int, state: BodyState) -> np.ndarray:
-        """Give rows to new bodies; all their values but the state are zero."""
+        """Allocate rows for new bodies; all their values but the state are zero."""
         old = [self._free.pop() for _ in range(min(count, len(self._free)))]
         end = self._used + count - len(old)
         ids = np.array([*old, *range(self._used, end)], np.intp)
@@ -297,11 +297,11 @@ class BodyTable:
         return ids
 
     def _append(self, kind: str, *rows: np.ndarray) -> int:
-        """Write rows behind those in use, and give the number of the first."""
+        """Append rows behind those in use; return the index of the first."""
         columns = dict(_ROWS)[kind]
         if self._used_rows[kind] + len(rows[0]) > len(getattr(self, next(iter(columns)))):
             self._compact()
-            self._reserve(columns, 2 * (self._used_rows[kind] + len(rows[0])))  # not soon again
+            self._reserve(columns, 2 * (self._used_rows[kind] + len(rows[0])))
         first = self._used_rows[kind]
         for name, values in zip(columns, rows):
             getattr(self, name)[first:first + len(values)] = values
@@ -326,7 +326,7 @@ class BodyTable:
                 starts[ids] - (ends - counts[ids]), counts[ids])
             for name in columns:
                 column = getattr(self, name)
-                column = column.copy()  # what `pieces` gave out stays as it is
+                column = column.copy()  # views from `pieces` stay valid
                 column[:len(rows)] = column[rows]
                 setattr(self, name, column)
             starts[ids] = ends - counts[ids]

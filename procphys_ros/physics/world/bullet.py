@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-The engine of PyBullet, by its public functions.
+PyBullet engine, by its public API.
 
 Bodies are rigid bodies in maximal coordinates (Bullet's `btRigidBody`): a hundred times cheaper
 than articulated ones and without their limits on links.
@@ -44,11 +44,11 @@ from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.rolling import resist_rolling
 
 _LOG = logging.getLogger(__name__)
-MANY = 300  # bodies that move, from which `native` is clearly faster
+MANY = 300  # moving bodies beyond which `native` is clearly faster
 
 
 def _import_quietly() -> ModuleType:
-    """Import PyBullet without the banner that it writes to file 2."""
+    """Import PyBullet and suppress the banner that it writes to stderr."""
     kept, nothing = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     try:
         os.dup2(nothing, 2)
@@ -64,28 +64,28 @@ pybullet = _import_quietly()
 
 LONGEST = 1.0 / 240.0  # [s] of a substep; PyBullet's own step
 ERP = 0.5  # share of a penetration that is corrected per substep, apart from the velocities
-WARM_START = 0.85  # share of the last contact impulses that the solver starts from
-REACH = 5e-3  # gap from which bodies touch, as a share of their radius: what is stopped before it
-#               touches does not bounce
+WARM_START = 0.85  # share of the last contact impulses in the initial guess of the solver
+REACH = 5e-3  # gap below which bodies touch, as a share of their radius: bodies that are stopped
+#               before they touch do not bounce
 SWEEP = 0.45  # radius of a plain body's swept sphere as a share of its least extent
 
-_MARGIN = 1e-3  # [m] by which Bullet makes every convex hull larger than its points
-_MOST_SHAPES = 16  # of a list that PyBullet makes a compound of
-_MOMENT = 1e-9  # [s]
+_MARGIN = 1e-3  # [m] collision margin that Bullet adds to every convex hull
+_MOST_SHAPES = 16  # in the list of shapes of a PyBullet compound
+_MOMENT = 1e-9  # [s] of a dummy step
 _CONTACT = 1e-6  # [-], change of speed by a contact as a share of gravity's
 _GROUND_HALF = (1e7, 1e7, 50.0)  # [m] half extents of level ground
 _BASE = -1  # the only link of a rigid body
 _NOWHERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _AWAKE = {'activationState': pybullet.ACTIVATION_STATE_DISABLE_SLEEPING}
 _ASLEEP = {'activationState': pybullet.ACTIVATION_STATE_SLEEP}
-# Of a contact point: bodies; distance and forces; point, normal and two ways across it.
+# Of a contact point: bodies; distance and forces; point, normal and two tangents.
 _BODIES, _SIZES, _WAYS = itemgetter(1, 2), itemgetter(8, 9, 10, 12), itemgetter(6, 7, 11, 13)
-_FOLDER = '/dev/shm' if os.access('/dev/shm', os.W_OK) else None  # in memory, where there is one
+_FOLDER = '/dev/shm' if os.access('/dev/shm', os.W_OK) else None  # in memory, if possible
 
 
 class BulletEngine:
     """
-    One PyBullet world, see `Engine`; poses and velocities of its table are written by `step`.
+    One PyBullet world, see `Engine`; `step` writes poses and velocities of its table.
 
     :param gravity: acceleration of awake bodies [m/s²], (3,).
     :param terrain: the surface of the ground.
@@ -116,23 +116,23 @@ class BulletEngine:
         self._rules: dict[int, dict[int, bool]] = {}  # by handle: whether a pair is excluded
         self._handles = np.full(0, -1)  # PyBullet's id of each body
         self._ids = np.full(0, -1)  # and the other way round
-        self._points: list[tuple] = []  # what touched, substep by substep ...
-        self._way = np.zeros((0, 3))  # ... and how far each body has moved in the step [m]
-        self._weight = np.zeros(0)  # mass of what moves [kg]
+        self._points: list[tuple] = []  # contact points by substep
+        self._way = np.zeros((0, 3))  # displacement of each body in the step [m]
+        self._weight = np.zeros(0)  # mass of moving bodies [kg]
         self._told = np.zeros((0, 13))
 
     def close(self) -> None:
-        """Free the world; a second call does nothing."""
+        """Free the world; a second call has no effect."""
         self._close()
 
     def clear(self) -> None:
-        """Empty the world."""
+        """Remove all bodies from the world."""
         self.close()
         self._connect()
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids; see `Engine.add`."""
-        self.contacts()  # while handles are those of the bodies that touched
+        self.contacts()  # while handles still belong to the touching bodies
         self._table = table
         new = ids[table.state[ids] != BodyState.GROUND]
         for body in ids[table.state[ids] == BodyState.GROUND].tolist():
@@ -145,7 +145,7 @@ class BulletEngine:
         self.set_velocities(new, table.velocities[new])
 
     def _create(self, body: int, mass: float, shape: int, pose: list[float]) -> int:
-        """Create a body; Bullet multiplies surface values, so it gets the roots of them."""
+        """Create a body; Bullet multiplies friction and restitution, so it gets their roots."""
         table = self._table
         handle = pybullet.createMultiBody(
             mass, shape, self._visual, pose[:3], pose[3:], useMaximalCoordinates=1,
@@ -159,7 +159,7 @@ class BulletEngine:
         return handle
 
     def _create_piece(self, body: int) -> bool:
-        """Create a body with mass, or Bullet never moves it; return whether it turns unlike it."""
+        """Create a body with mass; return whether Bullet's inertia of its shape is wrong."""
         table, pieces = self._table, self._table.pieces(body)
         mass, inertia = float(table.mass[body]), table.inertia[body]
         shape = self._plain(pieces) if table.least[body] > 0.0 else self._compound(pieces)
@@ -169,10 +169,10 @@ class BulletEngine:
 
     def _take_over_inertia(self, new: np.ndarray) -> None:
         """
-        Move new bodies for a moment while all others sleep, and touching nothing.
+        Step new bodies for a moment without collisions while all others sleep.
 
-        Only at the end of its first step Bullet turns a body by the inertia that it was given,
-        until then by that of the box about its shape.
+        Bullet uses the given inertia only after the first step of a body, until then that of the
+        bounding box of its shape.
         """
         others = np.flatnonzero(self._table.state[:len(self._handles)] >= BodyState.AWAKE)
         others = np.setdiff1d(others[self._handles[others] >= 0], new)
@@ -185,13 +185,13 @@ class BulletEngine:
         pybullet.stepSimulation(**self._to)
         for handle in self._handles[others].tolist():
             pybullet.changeDynamics(handle, _BASE, **_AWAKE, **self._to)
-        self.set_velocities(others, self._table.velocities[others])  # sleep has stopped them
+        self.set_velocities(others, self._table.velocities[others])  # sleep has set them to zero
 
     def _ground(self) -> tuple[int, list[float]]:
         """
-        Make the shape of the ground: a height field, or a huge box where it is level.
+        Create the shape of the ground: a height field, or a huge box where it is level.
 
-        Against a plane Bullet finds one point per step only, so that what lands flat is turned.
+        Against a plane Bullet finds only one point per step, which turns bodies that land flat.
         """
         if self._terrain.is_flat:
             box = self._shape(pybullet.GEOM_BOX, halfExtents=_GROUND_HALF)
@@ -202,12 +202,12 @@ class BulletEngine:
             pybullet.GEOM_HEIGHTFIELD, meshScale=(terrain.edge, terrain.edge, 1.0),
             heightfieldData=tuple(terrain.heights.T.ravel().tolist()),
             numHeightfieldRows=columns, numHeightfieldColumns=rows)
-        # Bullet puts it about the middle of its grid and heights.
+        # Bullet centres it at the middle of its grid and heights.
         middle = terrain.low + 0.5 * terrain.edge * np.array([columns - 1, rows - 1])
         return field, [*middle.tolist(), 0.5 * sum(terrain.bounds()), *_NOWHERE[3:].tolist()]
 
     def _plain(self, pieces: Pieces) -> int:
-        """Make the shape of a body of one piece."""
+        """Create the shape of a body of one piece."""
         size = pieces.sizes[0].round(6).tolist()
         if len(pieces.hexahedra):
             corners = inset(pieces.hexahedra.corners.reshape(1, 8, 3), _MARGIN)[0]
@@ -221,7 +221,7 @@ class BulletEngine:
         return self._shape(pybullet.GEOM_SPHERE, radius=radius)
 
     def _shape(self, kind: int, **size: Any) -> int:
-        """Make a shape once."""
+        """Create a shape, or return the cached one."""
         key = (kind, *size.values())
         if key not in self._shapes:
             self._shapes[key] = pybullet.createCollisionShape(kind, **size, **self._to)
@@ -229,9 +229,9 @@ class BulletEngine:
 
     def _compound(self, pieces: Pieces) -> int:
         """
-        Make the shape of a body of many pieces, in the list of which PyBullet takes few.
+        Create the shape of a body of many pieces; PyBullet's list of shapes takes only few.
 
-        Further ones go, as boxes, into a file of convex hulls with the hexahedra.
+        Further pieces go, as boxes, into a file of convex hulls with the hexahedra.
         """
         hulls = pieces.are_hexahedra
         if hulls.any() or len(hulls) > _MOST_SHAPES:
@@ -259,7 +259,7 @@ class BulletEngine:
             localInertiaDiagonal=self._table.inertia[body].tolist(), **_AWAKE, **self._to)
 
     def _set_state(self, body: int) -> None:
-        """Let a body move, or hold it, and choose what it meets, as the table has it."""
+        """Set whether a body moves, and its collision filter, by its state in the table."""
         handle, state = int(self._handles[body]), self._table.state[body]
         if state >= BodyState.AWAKE:
             self._set_free(body)
@@ -278,8 +278,8 @@ class BulletEngine:
         """
         Exclude pairs of bodies from collision, or include them again, (K, 2) ids.
 
-        PyBullet keeps a rule for a pair for ever, also for later bodies of the same handles, and
-        asks no masks where it has one.
+        PyBullet keeps the rule for a pair permanently, also for later bodies of the same handles,
+        and the rule overrides the masks.
         """
         for one, other in self._handles[pairs].tolist():
             self._rules.setdefault(one, {})[other] = excluded
@@ -318,7 +318,7 @@ class BulletEngine:
             pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
 
     def set_joints(self, joints: JointTable) -> None:
-        """Leave joints alone: there are none."""
+        """Ignore joints, which this engine does not support."""
 
     def step(self, time_step: float, looked: Looked | None = None) -> None:
         """Advance time [s], in substeps of at most `LONGEST`; see `Engine.step`."""
@@ -326,7 +326,7 @@ class BulletEngine:
         substep = time_step / count
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
         course = table.velocities[driven]
-        course[:, :3] -= self._gravity * substep  # which Bullet adds
+        course[:, :3] -= self._gravity * substep  # cancels Bullet's gravity
         pybullet.setTimeStep(substep, **self._to)
         self._points, begun = [], (table.poses.copy(), table.velocities.copy())
         self._weight = np.where(table.state >= BodyState.AWAKE, table.mass, 1e-9)
@@ -342,7 +342,7 @@ class BulletEngine:
             looked(self._told, *begun, time_step)
 
     def _read_free(self, time_step: float, substep: float) -> None:
-        """Write what moves freely into the table; what flies, to Bullet and on its parabola."""
+        """Read awake bodies into the table; correct those in flight to their parabola."""
         table, ids = self._table, self._table.awake
         if len(ids) > MANY:
             _advise()
@@ -357,21 +357,21 @@ class BulletEngine:
         change = table.velocities[ids, :3] - before[:, :3] - gain
         flies = np.abs(change).max(axis=1, initial=0.0) < _CONTACT * (norm(gain) + 1e-9)
         flying = ids[flies]
-        # Bullet goes with the velocity at the end of each substep (semi-implicit Euler).
+        # Bullet moves bodies by the velocity at the end of each substep (semi-implicit Euler).
         table.poses[flying, :3] -= 0.5 * time_step * substep * self._gravity
         inertia, none = table.inertia[flying], np.zeros(len(flying))
         had = motion_energy(none, inertia, start[flies, 3:], before[flies])
         has = motion_energy(none, inertia, table.poses[flying, 3:], table.velocities[flying])
         gained = has > had
         table.velocities[flying[gained], 3:] *= np.sqrt(had[gained] / has[gained])[:, None]
-        self.set_poses(flying, table.poses[flying])  # which stops them
+        self.set_poses(flying, table.poses[flying])  # resets their velocities to zero
         rolling, braked = resist_rolling(table, ids, before, self._gravity, time_step)
         table.velocities[rolling] = braked
         changed = np.union1d(flying, rolling)
         self.set_velocities(changed, table.velocities[changed])
 
     def contacts(self) -> np.ndarray:
-        """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
+        """Return the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return self._told.copy()
 
     def _read_contacts(self) -> np.ndarray:
@@ -383,14 +383,14 @@ class BulletEngine:
         begun = np.repeat(np.arange(count) / count, [len(points) for points in self._points])
         mass = self._weight[ids, None]
         way = (mass * self._way[ids]).sum(axis=1) / mass.sum(axis=1)
-        rows[:, :3] -= begun[:, None] * way  # to where it was when the step began
+        rows[:, :3] -= begun[:, None] * way  # back to the start of the step
         force = (size[:, 1:, None] * rows[:, 3:].reshape(-1, 3, 3)).sum(axis=1)
         told = np.column_stack([ids, rows[:, :6], size[:, 0], force / count, size[:, 1] / count])
         return told[size[:, 1:].any(axis=1)]
 
 
 def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:
-    """Give the corners of hexahedra, or of the boxes about other pieces [m], (K, 8, 3)."""
+    """Return the corners of hexahedra, or of the bounding boxes of other pieces, (K, 8, 3) [m]."""
     half = 0.5 * pieces.sizes
     boxes = box_corners(-half, half).reshape(-1, 24)
     boxes[pieces.hexahedra.part] = pieces.hexahedra.corners
@@ -398,12 +398,12 @@ def _corners(pieces: Pieces, which: np.ndarray) -> np.ndarray:
 
 
 def _rows(found: Iterable[Iterable], width: int, kind: type = float) -> np.ndarray:
-    """Lay sequences of numbers in rows, (K, width)."""
+    """Convert sequences of numbers to rows of an array, (K, width)."""
     return np.fromiter(chain.from_iterable(found), kind).reshape(-1, width)
 
 
 def _filled(column: np.ndarray, row: int, value: int) -> np.ndarray:
-    """Write a value to a row of a column, made longer where needed."""
+    """Write a value to a row of a column, extended where needed; return the column."""
     if row >= len(column):
         column = np.concatenate([column, np.full(row + 1, -1)])
     column[row] = value

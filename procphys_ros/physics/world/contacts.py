@@ -22,15 +22,15 @@ import numpy as np
 @dataclass(frozen=True)
 class Contacts:
     """
-    Every contact point of one step.
+    All contact points of one step.
 
     :ivar body_a: id, (C,) int.
     :ivar body_b: id, (C,) int.
-    :ivar point: where they touch, world [m], (C, 3).
+    :ivar point: contact point, world [m], (C, 3).
     :ivar normal: unit, from b towards a, (C, 3).
     :ivar distance: gap, negative when they overlap [m], (C,).
-    :ivar impulse: on a (b gets the opposite) over the step, friction included [N·s], (C, 3).
-    :ivar normal_impulse: its part along the normal [N·s], (C,).
+    :ivar impulse: on a (the opposite on b) over the step, friction included [N·s], (C, 3).
+    :ivar normal_impulse: its normal component [N·s], (C,).
     """
 
     body_a: np.ndarray
@@ -43,7 +43,7 @@ class Contacts:
 
     @classmethod
     def of(cls, table: np.ndarray, time_step: float) -> 'Contacts':
-        """Split the engine's contact table (C, 13), forces over the time step [s]."""
+        """Convert the engine's contact table (C, 13), with mean forces over the time step [s]."""
         return cls(table[:, 0].astype(np.intp), table[:, 1].astype(np.intp), table[:, 2:5],
                    table[:, 5:8], table[:, 8], table[:, 9:12] * time_step,
                    table[:, 12] * time_step)
@@ -53,7 +53,7 @@ class Contacts:
 
     def on(self, body: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
-        Give what touches one body: the others' ids (K,), points (K, 3), impulses on it (K, 3).
+        List the contacts of one body: other ids (K,), points (K, 3), impulses on it (K, 3).
 
         :param body: id.
         """
@@ -63,7 +63,7 @@ class Contacts:
                 np.concatenate([self.impulse[first], -self.impulse[second]]))
 
     def both_ways(self) -> 'Contacts':
-        """List each contact twice, so that every touched body stands once in `body_a`."""
+        """List each contact twice, once with either body as `body_a`."""
         return Contacts(np.concatenate([self.body_a, self.body_b]),
                         np.concatenate([self.body_b, self.body_a]),
                         np.concatenate([self.point, self.point]),
@@ -75,7 +75,7 @@ class Contacts:
 
 def total_impulse(body: int, centre: np.ndarray, *tables: Contacts) -> np.ndarray:
     """
-    Sum up what contacts gave a body: impulse [N·s] and its moment about a point [N·m·s], (6,).
+    Sum the contact impulses on a body: impulse [N·s] and moment about a point [N·m·s], (6,).
 
     :param body: id.
     :param centre: the point, world [m], (3,).

@@ -29,14 +29,14 @@ from procphys_ros.physics.world.joint_table import JointTable
 
 _LOG = logging.getLogger(__name__)
 
-# Engines, and the libraries that they need.
+# Engines and the libraries that they need.
 ENGINES = {'bullet': 'pybullet', 'native': 'numba'}
-DEFAULT_ENGINE = 'auto'  # the first of them that is installed
+DEFAULT_ENGINE = 'auto'  # the first one that is installed
 
 TERRAIN_MARGIN = 50.0  # [m] of ground beyond the grid of a terrain that bodies collide with
 
-# Collision groups and masks: two bodies meet when the mask of each has the group of the other.
-# Immovable bodies do not meet each other, and kinematic bodies pass through them.
+# Collision groups and masks: two bodies collide when the mask of each has the group of the other.
+# Immovable bodies do not collide with each other, and kinematic bodies pass through them.
 #                       awake immovable kinematic
 #   awake (1)             x       x         x
 #   immovable (2)         x       -         -      ground, fixed, resting
@@ -59,13 +59,13 @@ and how long it was [s]. It may set velocities, and add, thaw and remove bodies.
 
 class Engine(Protocol):
     """
-    Moves bodies of a `BodyTable`, which it names by their ids there.
+    Rigid-body engine that moves the bodies of a `BodyTable`, identified by their ids there.
 
-    An engine keeps nothing that cannot be rebuilt from the table but caches, such as contact
-    impulses to start the next step from: `clear` and `add` with all ids give an engine that goes
-    on from what the table says, and always in the same way.
+    Except for caches, such as contact impulses for warm starting, an engine has no state that
+    cannot be rebuilt from the table: after `clear` and `add` with all ids an engine continues
+    from the table, deterministically.
 
-    :ivar threads: that it may use at most; they change no bit.
+    :ivar threads: largest number of threads; results do not depend on it, to the last bit.
     """
 
     name: str
@@ -73,10 +73,10 @@ class Engine(Protocol):
     threads: int
 
     def clear(self) -> None:
-        """Remove everything."""
+        """Remove all bodies."""
 
     def close(self) -> None:
-        """Free the memory; nothing else may be called afterwards."""
+        """Free the memory; the engine cannot be used afterwards."""
 
     def add(self, table: BodyTable, ids: np.ndarray) -> None:
         """Add bodies, (K,) ids, with the shapes, states, poses and velocities of the table."""
@@ -100,21 +100,21 @@ class Engine(Protocol):
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 
     def set_joints(self, joints: JointTable) -> None:
-        """Let bodies hang by joints, if it has any; ways and forces are written there."""
+        """Set the joints between bodies, if supported; the engine writes their state there."""
 
     def step(self, time_step: float, looked: Looked | None = None) -> None:
         """
-        Advance time [s]; writes poses and velocities of the table.
+        Advance time [s]; write poses and velocities of the table.
 
-        :param looked: called each time when the engine has found and solved contacts, once in a
-            step or several times.
+        :param looked: called each time the engine has found and solved contacts, once or several
+            times in a step.
         """
 
     def contacts(self) -> np.ndarray:
         """
-        Read the contact points of the last step; what is near without force may be left out.
+        Return the contact points of the last step; those without force may be left out.
 
-        Those of bodies that were removed since are left out.
+        Contacts of bodies removed since are left out.
 
         :returns: (C, 13): two ids, point on the second, unit normal towards the first, distance,
             mean force of the step on the first in world axes [N], (3,), its normal part [N].
@@ -141,8 +141,8 @@ def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engi
     """
     Create an engine.
 
-    :param name: of `ENGINES`, or 'auto' for the first whose library is installed; the log says
-        once when that is not the first of all.
+    :param name: of `ENGINES`, or 'auto' for the first whose library is installed; a warning is
+        logged once when that is not the first of all.
     :param gravity: acceleration of awake bodies [m/s²], (3,).
     :param terrain: the surface of the ground.
     :raises SceneError: when there is no such engine, or its library is not installed.
@@ -162,7 +162,7 @@ def make_engine(name: str, gravity: np.ndarray, terrain: Terrain = FLAT) -> Engi
 
 
 def _class_of(name: str) -> Callable[[np.ndarray, Terrain], Engine]:
-    """Import an engine when it is needed: each takes a while, and memory."""
+    """Import the class of an engine on demand, as each takes time and memory."""
     module = import_module(f'procphys_ros.physics.world.{name}')
     return getattr(module, f'{name.capitalize()}Engine')
 

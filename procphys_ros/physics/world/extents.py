@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Extents: bounds of bodies, and proximity of pairs."""
+"""Extents: bounds of bodies and proximity of pairs."""
 
 import numpy as np
 
@@ -23,21 +23,21 @@ from procphys_ros.physics.touch import half_extent
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.rotation_kernels import carried, matrix_rows
 
-_BOX = int(Shape.BOX)  # numba reads no enums
-_PARALLEL = 1e-6  # length of the product of two unit vectors that span no plane
+_BOX = int(Shape.BOX)  # numba does not support enums
+_PARALLEL = 1e-6  # length of the cross product of parallel unit vectors
 
 
 def bounds(table: BodyTable, ids: np.ndarray) -> np.ndarray:
-    """Give axis-aligned bounds [m], (K, 6): three minima, three maxima; hexahedra as boxes."""
+    """Compute axis-aligned bounds [m], (K, 6): three minima, three maxima; hexahedra as boxes."""
     return _bounds(ids, table.poses, table.first_piece, table.piece_count, table.piece_shape,
                    table.piece_size, table.piece_pose)
 
 
 def are_near(table: BodyTable, pairs: np.ndarray, distance: np.ndarray) -> np.ndarray:
     """
-    Return which pairs of bodies are less than a distance apart, (P,) bool.
+    Mark the pairs of bodies that are less than a distance apart, (P,) bool.
 
-    What is no box counts as the box about it, and edges reach a little farther than they do.
+    Other shapes count as their bounding boxes, and boxes are enlarged by the distance at edges.
 
     :param pairs: ids, (P, 2).
     :param distance: [m], (P,).
@@ -91,7 +91,7 @@ def _are_near(pairs, distance, poses, radius, first, count, shapes, sizes, local
 
 @kernel
 def _placed(pose, local):
-    """Give the centre of a piece and the rows of its matrix, in the world."""
+    """Return the centre of a piece and the rows of its rotation matrix, in the world."""
     a, b = matrix_rows(pose[3:]), matrix_rows(local[3:])
     return carried(pose, local), (_times(a[0], b), _times(a[1], b), _times(a[2], b))
 
@@ -111,14 +111,14 @@ def _times(row, m):
 
 @kernel
 def _half(shape, size, room):
-    """Give half of the extents of the box about a piece, with room around it."""
+    """Return the half extents of the bounding box of a piece, with a margin around it."""
     length = size[2] if shape == _BOX else max(size[0], size[2])
     return 0.5 * size[0] + room, 0.5 * size[1] + room, 0.5 * length + room
 
 
 @kernel
 def _boxes_meet(arm, turn, half, other, other_half):
-    """Return whether no axis separates two boxes: no face of either, and no edge across edge."""
+    """Return whether two boxes overlap, by the separating axis test over faces and edge pairs."""
     for a in range(15):
         if a < 3:
             axis = (turn[0][a], turn[1][a], turn[2][a])

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Joint table: what bodies of a world hang by, a row per joint."""
+"""Joint table: joints between the bodies of a world, a row per joint."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,26 +29,26 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 Numbers = np.ndarray | float
 _MOVABLE = (BodyState.FIXED, BodyState.RESTING, BodyState.AWAKE)
 _MOST = np.inf
-_GONE = int(JointKind.GONE)  # to look up a member of an enumeration takes a microsecond
+_GONE = int(JointKind.GONE)  # looking up a member of an enumeration takes a microsecond
 
 
 @dataclass(frozen=True)
 class JointOptions:
     """
-    What joints do along their axis (of sliders and ropes), or about it (of hinges), and stand.
+    Limits, springs, motors and strength of joints, along (slider, rope) or about (hinge) an axis.
 
-    Each is one number for all, or (K,).
+    Each is one number for all joints, or (K,).
 
-    :ivar low: least way [m, rad]; ropes have none.
-    :ivar high: greatest way; the length of a rope [m, rad].
+    :ivar low: least displacement [m, rad]; ropes have none.
+    :ivar high: greatest displacement; the length of a rope [m, rad].
     :ivar stiffness: of a spring [N/m, N·m/rad].
     :ivar damping: [N·s/m, N·m·s/rad].
-    :ivar rest: way at which the spring is slack [m, rad].
-    :ivar speed: of a motor, of the first body against the second [m/s, rad/s].
+    :ivar rest: displacement at which the spring is slack [m, rad].
+    :ivar speed: of a motor, of the first body relative to the second [m/s, rad/s].
     :ivar drive: greatest force or moment of the motor [N, N·m].
-    :ivar force: beyond which the joint breaks [N].
-    :ivar moment: likewise, about the joint's point [N·m].
-    :ivar collides: whether the two bodies meet.
+    :ivar force: break force of the joint [N].
+    :ivar moment: break moment about the joint's point [N·m].
+    :ivar collides: whether the two bodies collide.
     """
 
     low: Numbers = -_MOST
@@ -64,7 +64,7 @@ class JointOptions:
 
     def check(self) -> None:
         """
-        Check the numbers.
+        Check the ranges of the options.
 
         :raises ValueError: when one is not a number, or not in its range; names it.
         """
@@ -84,9 +84,9 @@ _FINITE = ('stiffness', 'damping', 'rest', 'speed', 'drive')
 
 class JointTable:
     """
-    Columns of the joints of a world; rows of those that are gone are given to later ones.
+    Columns of the joints of a world; rows of removed joints are reused.
 
-    :ivar rows: the columns; an engine that has joints writes ways, forces and moments.
+    :ivar rows: the columns; an engine with joints writes displacements, forces and moments.
     """
 
     def __init__(self) -> None:
@@ -97,19 +97,19 @@ class JointTable:
 
     @property
     def holding(self) -> np.ndarray:
-        """Ids of the joints that are not broken, ascending, (K,)."""
+        """Ids of the unbroken joints, ascending, (K,)."""
         return np.flatnonzero((self.rows.kind != _GONE) & ~self.rows.broken)
 
     def add(self, bodies: BodyTable, kind: np.ndarray, ends: np.ndarray, frames: np.ndarray,
             options: JointOptions) -> np.ndarray:
         """
-        Add joints where bodies are now, and give their ids, (K,).
+        Add joints at the present poses of bodies; return their ids, (K,).
 
         :param bodies: table of the two bodies of each, `ends` (K, 2).
         :param kind: `JointKind`, (K,).
         :param frames: on the first and on the second body, world, (K, 2, 7).
-        :raises ValueError: when there is no such body or kind, or neither of two can move, or an
-            option is out of its range.
+        :raises ValueError: when there is no such body or kind, or neither of two bodies can move,
+            or an option is out of its range.
         """
         options.check()
         self._check(bodies, kind, ends)
@@ -163,18 +163,18 @@ class JointTable:
                                        | np.isin(self.rows.second, bodies)))
 
     def set_out(self) -> None:
-        """Forget the forces of the last step."""
+        """Clear the forces of the last step."""
         if len(self):
             self.rows.force[:] = self.rows.moment[:] = 0.0
 
     def apart(self) -> np.ndarray:
-        """List the pairs of bodies that do not meet, the lower id first, (K, 2)."""
+        """List the pairs of jointed bodies that do not collide, the lower id first, (K, 2)."""
         rows = self.rows
         ids = np.flatnonzero((rows.kind != _GONE) & ~rows.broken & ~rows.collides)
         return np.sort(np.column_stack([rows.first[ids], rows.second[ids]]), axis=1)
 
     def pulls(self, bodies: BodyTable) -> np.ndarray:
-        """Give what joints did in the last step as contacts, see `Engine.contacts`, (K, 13)."""
+        """Return joint forces of the last step as contacts, see `Engine.contacts`, (K, 13)."""
         ids = self.holding
         first, force = self.rows.first[ids], self.rows.force[ids]
         size = norm(force, axis=1)
@@ -183,17 +183,17 @@ class JointTable:
         out[:, 2:5] = bodies.poses[first, :3] + rotation.rotate(
             bodies.poses[first, 3:], self.rows.frame[ids, :3])
         out[:, 9:12] = force
-        # Also what hangs slack hangs together.
+        # Slack joints connect their bodies, too.
         out[:, 12] = np.maximum(size, np.finfo(float).tiny)
         return out
 
     def save(self) -> dict[str, np.ndarray]:
-        """Copy the columns."""
+        """Return copies of the columns."""
         return {name: column.copy() for name, column in self.rows._asdict().items()}
 
     @classmethod
     def restore(cls, saved: Mapping[str, np.ndarray]) -> Self:
-        """Build a table from what `save` gave."""
+        """Build a table from the result of `save`."""
         table = cls()
         table.rows = JointRows(**{name: saved[name].copy() for name in JointRows._fields})
         return table

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Kinematic bodies: follow prescribed poses, push what is in the way, and measure the force."""
+"""Kinematic bodies: follow prescribed poses, push bodies in the way, and measure the force."""
 
 import numpy as np
 
@@ -22,12 +22,12 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
 
-MASS = 1e7  # [kg], so heavy that nothing in a scene pushes a kinematic body off its path
+MASS = 1e7  # [kg], so heavy that no body in a scene deflects a kinematic body
 
 
 def set_out(table: BodyTable, time_step: float) -> None:
     """
-    Give kinematic bodies the velocities that lead to their targets in one step.
+    Set the velocities of kinematic bodies that lead to their targets in one step.
 
     :param time_step: [s].
     """
@@ -46,7 +46,7 @@ def arrive(engine: Engine, table: BodyTable) -> None:
 
 def velocity_between(start: np.ndarray, end: np.ndarray, time_step: float) -> np.ndarray:
     """
-    Give the constant velocity that leads from one pose to another, world axes, (6,).
+    Compute the constant velocity that leads from one pose to another, world axes, (6,).
 
     :param start: (7,).
     :param end: (7,).

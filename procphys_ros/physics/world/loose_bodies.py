@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Loose bodies: mass, inertia and shapes of bodies that are to move freely."""
+"""Loose bodies: mass, inertia and shapes of free bodies."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -38,8 +38,8 @@ class LooseBody(NamedTuple):
     :ivar velocity: world axes, (6,); None = at rest.
     :ivar friction: against a body of the same kind.
     :ivar restitution: against a body of the same kind; against the ground its root.
-    :ivar least: least extent of a plain body [m]; 0 for compounds, all but one piece in the
-        body's own frame.
+    :ivar least: least extent of a plain body [m], which is one piece in the body's own frame;
+        0 for compounds.
     """
 
     pieces: Pieces
@@ -61,7 +61,7 @@ def plain(shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
 
     :param size: as in `Blueprint.size` [m], (3,).
     :param inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
-    :param hexahedra: the corners of a box that is no rectangular one.
+    :param hexahedra: corners of a box that is not rectangular.
     """
     size = np.asarray(size, float)
     if inertia is None:
@@ -75,13 +75,13 @@ def fragment(shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray, mas
              friction: float = FRICTION, restitution: float = 0.0, tolerance: float = LEVEL,
              hexahedra: Hexahedra | None = None) -> LooseBody:
     """
-    Describe a body made of boxes and capsules; `assembly.rigid_sum` gives the values.
+    Describe a body made of boxes and capsules; `assembly.rigid_sum` computes the values.
 
     :param shapes: `Shape` of each part, (P,).
     :param sizes: as in `Blueprint.size` [m], (P, 3).
     :param local_poses: of the parts in the principal frame, (P, 7).
-    :param tolerance: how far ends may be apart that `merge_boxes` makes one [m].
-    :param hexahedra: those of the boxes that are no rectangular ones.
+    :param tolerance: largest offset of ends that `merge_boxes` merges [m].
+    :param hexahedra: corners of the boxes that are not rectangular.
     """
     pieces = Pieces(np.asarray(shapes, np.int64), np.asarray(sizes, float),
                     np.asarray(local_poses, float), hexahedra=hexahedra or Hexahedra())
@@ -90,7 +90,7 @@ def fragment(shapes: np.ndarray, sizes: np.ndarray, local_poses: np.ndarray, mas
 
 
 def radii(bodies: Sequence[Pieces]) -> np.ndarray:
-    """Give the radii of the spheres about bodies' frames that hold all of them [m], (K,)."""
+    """Compute the radii of bounding spheres about the frames of bodies [m], (K,)."""
     shapes, sizes, poses = (np.concatenate([getattr(body, name) for body in bodies])
                             for name in ('shapes', 'sizes', 'local_poses'))
     own = np.where(shapes == Shape.BOX, 0.5 * norm(sizes, axis=1),

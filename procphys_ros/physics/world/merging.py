@@ -21,26 +21,26 @@ from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
 from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
-LEVEL = 0.03   # [m], ends of courses that are less apart are one, more than that are teeth
-_FLUSH = 2e-3  # [m], faces less apart are one
-_ALIKE = 0.3  # largest difference of the extents across of boxes that are joined
-_OUT = 0.01  # [m] by which a corner must stick out of merged boxes to count
+LEVEL = 0.03   # [m], largest offset of flush ends of courses; larger ones are toothing
+_FLUSH = 2e-3  # [m], largest offset of flush faces
+_ALIKE = 0.3  # largest relative difference of the transverse extents of boxes that are merged
+_OUT = 0.01  # [m], least protrusion of a corner from merged boxes that counts
 _ALIGNED = 1e-3  # largest deviation of a rotation matrix from a quarter turn
 
 
 def merge_boxes(poses: np.ndarray, sizes: np.ndarray, tolerance: float = LEVEL
                 ) -> tuple[np.ndarray, np.ndarray]:
     """
-    Join boxes that lie end to end into larger ones.
+    Merge boxes that lie end to end into larger ones.
 
     First along x and y of the first box (courses), where faces are flush; then courses on top of
     each other, where their ends are about flush.
-    Boxes that are turned against the first by other than quarter turns are kept as they are.
+    Boxes that are rotated against the first by other than quarter turns are left unchanged.
 
     :param poses: (P, 7).
     :param sizes: full extents [m], (P, 3).
-    :param tolerance: how far the ends of courses that are stacked may be apart [m]; the mean is
-        taken. Teeth of a bond are kept: level ends would let bricks of two pieces overlap.
+    :param tolerance: largest offset of the ends of stacked courses [m]; the mean is
+        taken. The toothing of a bond is kept: level ends would make bricks of two pieces overlap.
     :returns: poses (K, 7) and sizes (K, 3), K ≤ P.
     """
     return _merge(np.ascontiguousarray(poses, float), np.ascontiguousarray(sizes, float),
@@ -75,7 +75,7 @@ def _merge(poses, sizes, tolerance):
 
 @kernel
 def _merge_along(bounds, axis):
-    """Join neighbours along one axis whose faces across are flush, (K, 2, 3) -> fewer."""
+    """Merge neighbours along one axis whose transverse faces are flush, (K, 2, 3) -> fewer."""
     lane = _lanes(bounds, axis)
     order = np.argsort(bounds[:, 0, axis], kind='mergesort')
     order = order[np.argsort(lane[order], kind='mergesort')]
@@ -102,9 +102,9 @@ def _merge_along(bounds, axis):
 @kernel
 def _lanes(bounds, axis):
     """
-    Give each box the number of its lane: of those with the same four faces across, (K,).
+    Label the lane of each box: boxes with the same four transverse faces, (K,).
 
-    Faces are told apart by neighbouring values, not by rounding, so that values at the edge of a
+    Faces are clustered by neighbouring values, not by rounding, so that values at the edge of a
     rounding cell stay together.
     """
     lane = np.zeros(len(bounds), np.int64)
@@ -118,9 +118,9 @@ def _lanes(bounds, axis):
 @kernel
 def _stack(bounds, tolerance):
     """
-    Join courses, sorted from below, that lie on each other with about the same outline.
+    Merge courses, sorted from below, that lie on each other with about the same outline.
 
-    Each course is compared with the lowest of its stack; mean faces are taken.
+    Each course is compared with the lowest of its stack; the faces are averaged.
     """
     count = np.zeros(len(bounds))
     lowest = np.empty_like(bounds)
@@ -158,7 +158,7 @@ def _close_joints(bounds):
     """
     Stretch boxes over the joints to their neighbours, (K, 2, 3), in place.
 
-    The edge of another body that gets into an open joint would be caught there.
+    Otherwise the edge of another body could be caught in an open joint.
     """
     reach = np.empty(len(bounds))
     for axis in range(3):
@@ -175,7 +175,7 @@ def _close_joints(bounds):
 
 @kernel
 def _face(box, other, axis):
-    """Return whether two boxes overlap when looked at along an axis."""
+    """Return whether the projections of two boxes along an axis overlap."""
     for across in range(3):
         if across != axis and not (box[1, across] > other[0, across] + _FLUSH
                                    and box[0, across] < other[1, across] - _FLUSH):
@@ -185,7 +185,7 @@ def _face(box, other, axis):
 
 @kernel
 def _clusters(values, tolerance):
-    """Label the groups of values that lie within the tolerance of their group's least."""
+    """Label groups of values that lie within the tolerance of the least value of their group."""
     order = np.argsort(values)
     label = np.empty(len(values), np.int64)
     current, least = -1, -np.inf
@@ -199,7 +199,7 @@ def _clusters(values, tolerance):
 def corners_outside(poses: np.ndarray, sizes: np.ndarray, merged_poses: np.ndarray,
                     merged_sizes: np.ndarray) -> np.ndarray:
     """
-    List the corners of boxes that lie outside of the merged boxes.
+    List the corners of boxes that lie outside the merged boxes.
 
     :param poses: (P, 7), in the body's frame.
     :param sizes: full extents [m], (P, 3).
@@ -246,13 +246,13 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
 
 @kernel
 def _diagonal(size):
-    """Give half of the diagonal of a box [m]."""
+    """Return half of the diagonal of a box [m]."""
     return 0.5 * np.sqrt(size[0] ** 2 + size[1] ** 2 + size[2] ** 2)
 
 
 @kernel
 def _is_inside(point, near, many, poses, sizes, axes):
-    """Return whether a point is in one of the boxes; that box is tried first from now on."""
+    """Return whether a point is in one of the boxes; move that box to the front of the list."""
     for n in range(many):
         k = near[n]
         inside = True

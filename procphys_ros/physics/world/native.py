@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Native engine: our own contact solver, over the columns of the body table."""
+"""Native engine: the contact solver of `rigid`, on the columns of the body table."""
 
 from collections.abc import Mapping
 
@@ -42,19 +42,19 @@ from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pairs import PairList
 from procphys_ros.physics.world.sleeping import rim_speed
 
-_LOOKS = 240.0  # [1/s] at most, for contacts, while anything moves ...
-_WORTH = 20_000.0  # contacts solved, which take some ms, per thread at least
-_WAY = 0.01  # [m] ... farther than this in between
-_NUMBERED = 1024  # points of a body with a name of their own; rows change when others go
+_LOOKS = 240.0  # [1/s] largest rate of contact detection
+_WORTH = 20_000.0  # contacts solved per thread at least, which take some ms
+_WAY = 0.01  # [m] of motion between two contact detections, where `_LOOKS` permits
+_NUMBERED = 1024  # ground contact points per body with a name of their own
 _NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _NO_JOINTS = no_joints(0)
 
 
 class NativeEngine:
     """
-    Moves bodies where their table has them; nothing is copied in or out.
+    Engine that works on the columns of the body table in place, without copies.
 
-    It keeps where pieces are and what contacts pressed with in the last step.
+    It caches world poses of pieces and contact impulses of the last step.
 
     :param gravity: acceleration of awake bodies [m/s²], (3,).
     :param terrain: the surface of the ground.
@@ -67,7 +67,7 @@ class NativeEngine:
         self.clear()
 
     def clear(self) -> None:
-        """Remove everything."""
+        """Remove all bodies."""
         self._table = BodyTable()
         self._pieces, self._used = no_pieces(0), 0
         self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -76,10 +76,10 @@ class NativeEngine:
         self._contacts = self._resting = no_contacts(0)
         self._still = np.zeros(0, bool)  # bodies that sleep, or never move
         self._held = np.zeros(0, bool)  # bodies that never move
-        self._which = np.zeros(0, np.intp)  # contacts that the last look told, -1 if gone
+        self._which = np.zeros(0, np.intp)  # contacts reported by the last detection, -1 if gone
         self._joints = JointTable()
-        self._told: list[np.ndarray] = []  # contacts of each look in the step
-        self._set_out = np.zeros((0, 3))  # where bodies began the step, or joined it
+        self._told: list[np.ndarray] = []  # contacts of each detection in the step
+        self._set_out = np.zeros((0, 3))  # positions of bodies when they began or joined the step
         self._begun = np.zeros((0, 7)), np.zeros((0, 6))
 
     def close(self) -> None:
@@ -127,7 +127,7 @@ class NativeEngine:
         self._join_step(ids)
 
     def _new_rows(self, ids: np.ndarray, count: np.ndarray) -> np.ndarray:
-        """Give rows to the pieces of bodies, one after the other."""
+        """Allocate consecutive rows for the pieces of bodies."""
         if self._used + int(count.sum()) > len(self._pieces.body):
             self._drop_removed()
         need = self._used + int(count.sum())
@@ -146,7 +146,7 @@ class NativeEngine:
         return rows
 
     def _drop_removed(self) -> None:
-        """Close the gaps that removed bodies have left; contacts keep their forces."""
+        """Compact the rows of pieces after removals; contacts keep their forces."""
         alive = self._pieces.body[:self._used] >= 0
         if alive.all():
             return
@@ -163,7 +163,7 @@ class NativeEngine:
 
     def _renumbered(self, contacts: ContactRows, alive: np.ndarray,
                     place: np.ndarray) -> tuple[ContactRows, np.ndarray]:
-        """Give the contacts of pieces that are left, with the new rows of these; mark them."""
+        """Return the contacts of remaining pieces with new row numbers, and their mask."""
         ends = np.stack(split_key(contacts.key))
         is_piece = (ends < self._used) & (ends[0] != POINT)
         row = np.where(is_piece, ends, 0)
@@ -173,7 +173,7 @@ class NativeEngine:
         return out, there
 
     def _rows(self, ids: np.ndarray) -> np.ndarray:
-        """Give the pieces of bodies, ascending."""
+        """List the rows of the pieces of bodies, ascending."""
         ids = ids[ids < len(self._count)]
         count = self._count[ids]
         rows = np.repeat(self._first[ids] - np.cumsum(count) + count, count)
@@ -198,15 +198,15 @@ class NativeEngine:
         self._place(ids)
 
     def thaw(self, table: BodyTable, ids: np.ndarray) -> None:
-        """Make immovable bodies movable, which the table says already."""
+        """Make immovable bodies movable; their state is read from the table."""
 
     def set_poses(self, ids: np.ndarray, poses: np.ndarray) -> None:
-        """Take in the poses of the table, (K, 7)."""
+        """Update the pieces of bodies to the poses of the table, (K, 7)."""
         self._place(ids)
         self._near.forget()
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
-        """Take in the velocities of the table, (K, 6): they are read there."""
+        """Set velocities, (K, 6); they are read from the table."""
 
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
@@ -215,7 +215,7 @@ class NativeEngine:
         self._excluded = change(self._excluded, keys)
 
     def set_joints(self, joints: JointTable) -> None:
-        """Let bodies hang by joints; ways, forces and moments are written there."""
+        """Set the joints between bodies; displacements, forces and moments are written there."""
         self._joints = joints
 
     def step(self, time_step: float, looked: Looked | None = None) -> None:
@@ -241,27 +241,27 @@ class NativeEngine:
 
     def _let_look(self, looked: Looked, rows: np.ndarray, poses: np.ndarray,
                   velocities: np.ndarray, duration: float) -> None:
-        """Start from what is left of impulses, if some are taken back."""
+        """Call `looked`; scale the warm-start impulses of contacts that it has reduced."""
         pressed = rows[:, 12].copy()
         looked(rows, poses, velocities, duration)
         less = np.flatnonzero((rows[:, 12] < pressed) & (self._which >= 0))
         self._contacts.force[self._which[less]] *= (rows[less, 12] / pressed[less])[:, None]
 
     def _join_step(self, ids: np.ndarray) -> None:
-        """Let bodies that join in the midst of a step begin it where they are."""
+        """Record the positions of bodies that join during a step as their start of the step."""
         more = self._table.poses[len(self._set_out):, :3]
         self._set_out = np.concatenate([self._set_out, more])
         self._set_out[ids] = self._table.poses[ids, :3]
 
     def _carried(self, contacts: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """
-        Give how far bodies have carried their contacts since the step began [m], (C, 3).
+        Compute the displacements of contacts with their bodies in this step [m], (C, 3).
 
-        Points are told as seen from where the step began: what flies together keeps its arms. Of
-        two that move apart, the heavier one does.
+        Contact points are reported relative to the start of the step, so that bodies that move
+        together keep their lever arms. The displacement is the mass-weighted mean of both bodies.
 
-        :param contacts: rows of a look, (C, 13).
-        :param poses: of all bodies when this look began, (B, 7).
+        :param contacts: rows of a contact detection, (C, 13).
+        :param poses: of all bodies at this contact detection, (B, 7).
         """
         way = poses[:, :3] - self._set_out[:len(poses)]
         first, second = contacts[:, :2].astype(np.intp).T
@@ -272,16 +272,16 @@ class NativeEngine:
 
     def _looks(self, time_step: float) -> int:
         """
-        Choose how often contacts are found in a step.
+        Choose the number of contact detections in a step.
 
-        What turns about the first point that touches may meet others that nobody saw coming.
+        A body that turns about its first contact point may hit others that were not detected.
         """
         speed = rim_speed(self._table, np.flatnonzero(self._table.state >= BodyState.AWAKE))
         wanted = np.ceil(speed.max(initial=0.0) * time_step / _WAY)
         return int(max(min(wanted, np.ceil(time_step * _LOOKS - 1e-6)), 1.0))
 
     def _move(self, time_step: float, share: float) -> np.ndarray:
-        """Advance time [s], this share of the step; give the contacts, found once, (C, 13)."""
+        """Advance time [s], a share of the step; return the contacts, detected once, (C, 13)."""
         table = self._table
         free = table.awake
         driven = np.flatnonzero(table.state == BodyState.KINEMATIC)
@@ -323,7 +323,7 @@ class NativeEngine:
     def _solve(self, bodies: MovingBodies, free: int, first: np.ndarray, second: np.ndarray,
                contacts: ContactRows, joints: JointRows, islands: Islands, ranges: np.ndarray,
                time_step: float) -> np.ndarray:
-        """Solve islands, each range of them on a thread; give their contacts, (K, 13)."""
+        """Solve each range of islands on a thread; return their contacts, (K, 13)."""
         table, told = self._table, {}
 
         def some(place: int, low: int, high: int) -> None:
@@ -339,10 +339,10 @@ class NativeEngine:
 
     def _pulling(self, place_of: np.ndarray, free: int) -> tuple[np.ndarray, JointRows]:
         """
-        Give the joints of what moves freely, between its rows, and their ids.
+        Return the ids of the joints of awake bodies, and these joints between solver rows.
 
-        :param place_of: row of each body; one for all that is immovable, whose frames are those
-            of the world.
+        :param place_of: solver row of each body; immovable bodies share one row, and their joint
+            frames become world frames.
         """
         ids = self._joints.holding
         if not len(ids):
@@ -362,7 +362,7 @@ class NativeEngine:
         return ids, out
 
     def _keep(self, ids: np.ndarray, joints: JointRows, share: float) -> None:
-        """Write what joints have done in a share of a step."""
+        """Store the state of joints, and their forces weighted by this share of the step."""
         rows = self._joints.rows
         rows.way[ids], rows.strain[ids] = joints.way, joints.strain
         rows.broken[ids] = joints.broken
@@ -371,9 +371,9 @@ class NativeEngine:
 
     def _lay_aside(self) -> None:
         """
-        Keep apart the contacts between bodies that sleep: they start from there again.
+        Set aside the contacts between sleeping bodies, for warm starting after they wake.
 
-        What was held until now has borne what it could not bear by itself: that starts anew.
+        Contacts of bodies freed in this step start from zero: fixed bodies carry any load.
         """
         state = self._table.state
         held = state == BodyState.FIXED
@@ -398,12 +398,12 @@ class NativeEngine:
         live = Pieces(*(column[:self._used] for column in pieces))
         pairs = self._pairs(rows, live)
         lands = ((table.state[live.body[rows]] == BodyState.AWAKE)
-                 & (table.state[0] == BodyState.GROUND))  # which can be removed
+                 & (table.state[0] == BodyState.GROUND))  # the ground can be removed
         extra, found = self._extra_points(), {}
         bounds = even_ranges(len(pairs), self.threads)
 
         def some(place: int, low: int, high: int) -> None:
-            last = place == len(bounds) - 2  # which finds what is on the ground, too
+            last = place == len(bounds) - 2  # the last range finds ground contacts, too
             contacts, count = find(rows if last else rows[:0], lands, pairs[low:high], live,
                                    table.poses, table.velocities,
                                    extra if last else tuple(column[:0] for column in extra),
@@ -414,7 +414,7 @@ class NativeEngine:
         return parts[0] if len(parts) == 1 else ContactRows(*map(np.concatenate, zip(*parts)))
 
     def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
-        """List what may meet: keys of pairs of pieces, ascending, (K,)."""
+        """List the pairs of pieces that may collide as keys, ascending, (K,)."""
         table = self._table
         moves = np.where(table.state == BodyState.AWAKE, 2, table.state == BodyState.KINEMATIC)
         excluded = self._excluded
@@ -424,7 +424,7 @@ class NativeEngine:
         return self._near.near(rows, way, pieces, moves, excluded)
 
     def _extra_points(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return points that only the ground meets: bodies, places in their frames, and names."""
+        """List the ground contact points: bodies, positions in their frames, and names."""
         table = self._table
         ids = table.awake
         count = table.point_count[ids]
@@ -434,13 +434,13 @@ class NativeEngine:
         return body, table.ground_point[table.first_point[body] + number], name
 
     def contacts(self) -> np.ndarray:
-        """Give the contact points of the last step, (C, 13); see `Engine.contacts`."""
+        """Return the contact points of the last step, (C, 13); see `Engine.contacts`."""
         return np.concatenate([np.zeros((0, 13)), *self._told])
 
 
 def _shares(effort: np.ndarray, threads: int) -> np.ndarray:
     """
-    Share islands out, of which those that take longest come first.
+    Distribute islands, sorted by descending effort, over threads.
 
     :param effort: of each island, see `efforts`, (I,).
     :returns: first island of each range, and one past the last, (ranges + 1,).

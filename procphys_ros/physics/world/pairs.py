@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Pairs: which pieces may meet, found anew only for what has left the room around it."""
+"""Pairs: broad phase that updates only pieces that have left their enlarged bounds."""
 
 import numpy as np
 
@@ -22,14 +22,14 @@ from procphys_ros.physics.rigid.contacts import split_key
 from procphys_ros.physics.rigid.pieces import Pieces
 from procphys_ros.physics.touch import overlaps
 
-_ROOM = 0.01  # [m] around pieces, in which they may move before others are looked for
+_ROOM = 0.01  # [m] margin around pieces in which they move without an update of their pairs
 
 
 class PairList:
     """
-    Keeps pairs of pieces as long as these stay in the room around them.
+    Pairs of pieces, kept as long as the pieces stay in their enlarged bounds.
 
-    What it gives depends on where pieces are now, and not on where they have been.
+    The result depends on the present bounds of the pieces only, not on their history.
     """
 
     def __init__(self) -> None:
@@ -38,16 +38,16 @@ class PairList:
         self._moves = self._excluded = np.zeros(0, np.int64)
 
     def forget(self) -> None:
-        """Look for all anew: pieces have come or gone, or stand elsewhere."""
+        """Invalidate all pairs after pieces were added, removed or placed elsewhere."""
         self._around = self._around[:0]
 
     def near(self, rows: np.ndarray, way: np.ndarray, pieces: Pieces, moves: np.ndarray,
              excluded: np.ndarray) -> np.ndarray:
         """
-        List what may meet: keys of pairs whose bounds overlap, ascending, (K,).
+        List the keys of pairs whose bounds overlap, ascending, (K,).
 
         :param rows: pieces that move, ascending, (M,).
-        :param way: that they are likely to go soon [m], (M,).
+        :param way: estimate of their motion in the near future [m], (M,).
         :param moves, excluded: see `meeting`.
         """
         if (len(self._around) == len(pieces.body) and np.array_equal(moves, self._moves)
@@ -75,15 +75,15 @@ class PairList:
 @kernel
 def meeting(one, other, rows, sought, body, moves, excluded):
     """
-    Choose the pairs of pieces that may meet, each once.
+    Choose the pairs of pieces that may collide, each once.
 
-    :param one, other: places in `rows` and other pieces, (K,).
+    :param one, other: indices in `rows` and other pieces, (K,).
     :param rows: pieces whose pairs are sought, ascending, (M,).
     :param sought: whether each piece is one of these, (P,) bool.
     :param body: of each piece, (P,).
-    :param moves: of each body: 2 = freely, 1 = as it is driven, 0 = not at all, (B,).
+    :param moves: motion of each body: 2 = free, 1 = kinematic, 0 = none, (B,).
     :param excluded: pairs of bodies, lower id first, as keys, ascending, (E,).
-    :returns: keys of the pairs, the lower piece first whichever moves, (L,).
+    :returns: keys of the pairs, the lower piece first, (L,).
     """
     out, count = np.empty(len(one), np.int64), 0
     for k in range(len(one)):
@@ -105,7 +105,7 @@ def meeting(one, other, rows, sought, body, moves, excluded):
 
 @kernel
 def _away(rows, bounds, around):
-    """Say which pieces are no longer within the room around them, (M,) bool."""
+    """Mark the pieces that have left their enlarged bounds, (M,) bool."""
     out = np.zeros(len(rows), np.bool_)
     for m in range(len(rows)):
         p = rows[m]
@@ -117,7 +117,7 @@ def _away(rows, bounds, around):
 
 @kernel
 def _overlapping(keys, bounds):
-    """Choose the pairs whose bounds overlap, (K,)."""
+    """List the keys of pairs whose bounds overlap, (K,)."""
     out, count = np.empty(len(keys), np.int64), 0
     for key in keys:
         p, q = key >> 32, key & 0xffffffff

@@ -31,9 +31,9 @@ class Pieces:
     :ivar shapes: `Shape`, (P,).
     :ivar sizes: as in `Blueprint.size` [m], (P, 3).
     :ivar local_poses: in the body's frame, (P, 7).
-    :ivar ground_points: corners of the body's parts that stick out of these shapes, which only
-        the ground meets, in the body's frame [m], (Q, 3).
-    :ivar hexahedra: corners of boxes that are no rectangular ones.
+    :ivar ground_points: corners of the body's parts that protrude from these shapes and collide
+        only with the ground, in the body's frame [m], (Q, 3).
+    :ivar hexahedra: corners of boxes that are not rectangular.
     """
 
     shapes: np.ndarray
@@ -43,7 +43,7 @@ class Pieces:
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
 
     def radius(self) -> float:
-        """Give the radius of the sphere about the body's frame that holds all of it [m]."""
+        """Compute the radius of the bounding sphere about the body's frame [m]."""
         own = np.where(self.shapes == Shape.BOX, 0.5 * norm(self.sizes, axis=1),
                        0.5 * self.sizes[:, [0, 2]].max(axis=1))
         bulk = float((norm(self.local_poses[:, :3], axis=1) + own).max())
@@ -51,21 +51,21 @@ class Pieces:
 
     @property
     def are_hexahedra(self) -> np.ndarray:
-        """Boxes that are no rectangular ones, (P,) bool."""
+        """Mask of the boxes that are not rectangular, (P,) bool."""
         mask = np.zeros(len(self.shapes), bool)
         mask[self.hexahedra.part] = True
         return mask
 
 
 def single(shape: int, size: np.ndarray, hexahedra: Hexahedra | None = None) -> Pieces:
-    """Give the one piece of a plain box, hexahedron or capsule."""
+    """Return the single piece of a plain box, hexahedron or capsule."""
     return Pieces(np.array([shape], np.int64), np.asarray(size, float)[None],
                   np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]),
                   hexahedra=hexahedra or Hexahedra())
 
 
 def merge_pieces(pieces: Pieces, tolerance: float) -> Pieces:
-    """Merge boxes that lie end to end, see `merge_boxes`; others stay as they are."""
+    """Merge boxes that lie end to end, see `merge_boxes`; other pieces are unchanged."""
     box = (pieces.shapes == Shape.BOX) & ~pieces.are_hexahedra
     if np.count_nonzero(box) < 2:
         return pieces
@@ -80,7 +80,7 @@ def merge_pieces(pieces: Pieces, tolerance: float) -> Pieces:
 
 def solid_inertia(shape: int, size: np.ndarray, mass: float) -> np.ndarray:
     """
-    Give the principal moments of a solid box, cylinder or sphere [kg·m²], (3,).
+    Compute the principal moments of a solid box, cylinder or sphere [kg·m²], (3,).
 
     :param size: as in `Blueprint.size` [m], (3,).
     :param mass: [kg].

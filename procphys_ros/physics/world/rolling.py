@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Rolling resistance of the ground and of bark, for engines that have none of their own."""
+"""Rolling resistance of the ground and of bark, for engines without their own."""
 
 import numpy as np
 
@@ -22,16 +22,16 @@ from procphys_ros.physics.rigid.solver import MOST_ROLLING, ROLLING
 from procphys_ros.physics.world.body_table import BodyTable
 from procphys_ros.rotation_kernels import matrix_rows
 
-_BOX = int(Shape.BOX)  # numba reads no enums
+_BOX = int(Shape.BOX)  # numba does not support enums
 
 
 def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravity: np.ndarray,
                    time_step: float) -> tuple[np.ndarray, np.ndarray]:
     """
-    Slow down the spin of balls and rods by what contacts pressed on them in a step.
+    Slow down the spin of balls and rods by the contact forces on them in a step.
 
     The torque is that of the contact force at a lever arm; a ball of radius r on the ground
-    decelerates by 5/7 · g · lever / r. Boxes roll on edges, where there is none.
+    decelerates by 5/7 · g · lever / r. Boxes tumble on edges, without rolling resistance.
 
     :param ids: bodies that moved, (K,).
     :param before: their velocities before the step, (K, 6).
@@ -48,7 +48,7 @@ def resist_rolling(bodies: BodyTable, ids: np.ndarray, before: np.ndarray, gravi
 @kernel
 def _slowed(ids, before, gravity, time_step, velocities, poses, mass, inertia, first_piece, shapes,
             sizes):
-    """Give the velocities of all bodies, (K, 6), and which have changed, (K,) bool."""
+    """Compute the velocities of all bodies, (K, 6), and the mask of changed ones, (K,) bool."""
     out, felt = velocities[ids], np.zeros(len(ids), np.bool_)
     for k in range(len(ids)):
         body, piece = ids[k], first_piece[ids[k]]

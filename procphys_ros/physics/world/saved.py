@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Saved worlds: whether arrays are laid out as a world saves them, before one is built of them."""
+"""Saved worlds: check the layout of saved arrays before a world is built from them."""
 
 from collections.abc import Mapping
 
@@ -24,7 +24,7 @@ from procphys_ros.physics.rigid.contacts import no_contacts, POINT, split_key
 from procphys_ros.physics.rigid.joints import JointKind, no_joints
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 
-_CONTACT = np.zeros((0, 13))  # row of a contact as engines give it
+_CONTACT = np.zeros((0, 13))  # rows of `Engine.contacts`
 _TERRAIN = {'heights': np.zeros((0, 0)), 'low': np.zeros(2), 'edge': np.zeros(())}
 _SINGLE = {'gravity': np.zeros(3), 'contacts': _CONTACT, 'asleep': _CONTACT,
            'places': np.zeros((0, 3)), 'excluded': np.zeros((0, 2), np.intp),
@@ -36,11 +36,11 @@ _ENGINE = {'engine.order': np.zeros(0, np.int64), 'engine.still': np.zeros(0, bo
 
 def check_saved(arrays: Mapping[str, np.ndarray]) -> None:
     """
-    Check arrays that a world is to be built of.
+    Check the arrays that a world is to be built from.
 
     :param arrays: by the names of `World.save_state`.
-    :raises ValueError: when one is missing, is of another type or width, has not as many rows as
-        those beside it, or names bodies, collision shapes or points that there are not.
+    :raises ValueError: when one is missing, is of another type or width, differs in its number of
+        rows from related ones, or refers to bodies, collision shapes or points that do not exist.
     """
     bodies = BodyTable().save()
     per_body = {name: column for name, column in bodies.items()

@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Sleep: islands of bodies that lie still, until something else presses on one of them.
+Sleep: islands of bodies at rest, until the load on one of them changes.
 
-What sleeps is immovable and costs nothing. It wakes before something hits it that could move it,
-and when what has pressed on it presses otherwise.
+Sleeping bodies are immovable and cost no time. They wake before a body hits them that could move
+them, and when the contact forces on them change.
 """
 
 import numpy as np
@@ -27,11 +27,11 @@ from procphys_ros.physics.masonry.components import root_of
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.extents import are_near, bounds
 
-SLEEP_TIME = 0.5  # [s] for which bodies stay before they fall asleep (box2d's value), ...
-SLEEP_SPEED = 0.02  # [m/s] ... as nothing does that gets to this speed from rest in that time: a
-#                     slide at one percent more than friction holds is faster
-_CHANGE = 0.1  # share of what presses on a sleeping body by which that may change
-_NEAR = 0.02  # [m] gap at which engines make contacts, beyond the motion of one step
+SLEEP_TIME = 0.5  # [s] at rest before bodies fall asleep (box2d's value)
+SLEEP_SPEED = 0.02  # [m/s] speed that bodies at rest do not reach in that time: a slide at one
+#                     percent above the friction limit is faster
+_CHANGE = 0.1  # of the contact forces on a sleeping body: tolerated change
+_NEAR = 0.02  # [m] gap at which engines create contacts, beyond the motion of one step
 
 _AWAKE, _RESTING, _GONE, _DRIVEN = (int(state) for state in (
     BodyState.AWAKE, BodyState.RESTING, BodyState.GONE, BodyState.KINEMATIC))
@@ -40,7 +40,7 @@ _AWAKE, _RESTING, _GONE, _DRIVEN = (int(state) for state in (
 def quiet_islands(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
                   time_step: float) -> np.ndarray:
     """
-    Keep the clocks of loose bodies, and list those of islands in which all have lain still.
+    Update the sleep clocks of awake bodies; list the bodies of islands that are all at rest.
 
     :param awake: ids, (K,).
     :param table: contacts of the last step as of `Engine.contacts`, (C, 13).
@@ -54,8 +54,8 @@ def quiet_islands(bodies: BodyTable, awake: np.ndarray, table: np.ndarray,
 
 @kernel
 def _keep_clocks(awake, poses, mark, inertia, mass, quiet, time_step):
-    """Count for how long bodies have stayed; to tremble on the spot is to stay."""
-    most = 0.5 * SLEEP_SPEED * SLEEP_TIME  # what gets to that speed in that time comes so far
+    """Update the time that bodies have stayed near their marks; jitter counts as rest."""
+    most = 0.5 * SLEEP_SPEED * SLEEP_TIME  # distance of uniform acceleration to that speed
     for k in range(len(awake)):
         b = awake[k]
         quiet[b] += time_step
@@ -65,10 +65,10 @@ def _keep_clocks(awake, poses, mark, inertia, mass, quiet, time_step):
 
 @subroutine
 def _way(start, now, inertia, mass):
-    """Give how far the centre of a body and a corner of a box of its inertia have come [m]."""
+    """Return the displacement of the centre plus that of a corner of the inertia box [m]."""
     x, y, z = now[0] - start[0], now[1] - start[1], now[2] - start[2]
     a, b, c, d = start[3], start[4], start[5], start[6]
-    u = d * now[3] - now[6] * a - b * now[5] + c * now[4]  # half of the turn, in its axes
+    u = d * now[3] - now[6] * a - b * now[5] + c * now[4]  # half of the rotation, body axes
     v = d * now[4] - now[6] * b - c * now[3] + a * now[5]
     w = d * now[5] - now[6] * c - a * now[4] + b * now[3]
     turn = u * u * inertia[0] + v * v * inertia[1] + w * w * inertia[2]
@@ -103,7 +103,7 @@ def _quiet(awake, quiet, state, table):
 
 @subroutine
 def _join(table, state, doing, parent):
-    """Join bodies in some state that press on each other."""
+    """Join bodies of a state that press on each other into islands."""
     for c in range(len(table)):
         a, b = int(table[c, 0]), int(table[c, 1])
         if table[c, 12] > 0.0 and state[a] == doing and state[b] == doing:
@@ -113,7 +113,7 @@ def _join(table, state, doing, parent):
 
 def with_islands(rows: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
     """
-    Add to bodies all that sleeps in the same islands.
+    Add to some bodies the sleeping bodies of their islands.
 
     :param rows: contacts with which bodies fell asleep, (E, 13).
     :param ids: (K,).
@@ -141,9 +141,9 @@ def _with_islands(rows, ids, state):
 
 def join(rows: np.ndarray, table: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndarray:
     """
-    Keep the contacts with which bodies fall asleep.
+    Store the contacts with which bodies fall asleep.
 
-    :param rows: kept so far, as of `Engine.contacts`, (E, 13).
+    :param rows: stored so far, as of `Engine.contacts`, (E, 13).
     :param table: contacts of the last step, (C, 13).
     :param ids: bodies that fall asleep, (K,).
     """
@@ -155,7 +155,7 @@ def join(rows: np.ndarray, table: np.ndarray, ids: np.ndarray, bodies: BodyTable
 
 
 def without_sleepers(rows: np.ndarray, bodies: BodyTable) -> np.ndarray:
-    """Drop the contacts none of whose bodies sleeps, (E, 13)."""
+    """Drop the contacts without sleeping bodies, (E, 13)."""
     sleeps = (bodies.state[rows[:, :2].astype(np.intp)] == BodyState.RESTING).any(axis=1)
     return rows if sleeps.all() else rows[sleeps]
 
@@ -172,10 +172,10 @@ def sleepers_on(rows: np.ndarray, ids: np.ndarray, bodies: BodyTable) -> np.ndar
 def disturbed(bodies: BodyTable, rows: np.ndarray, table: np.ndarray,
               gravity: np.ndarray) -> np.ndarray:
     """
-    List the sleeping bodies on which what is awake presses otherwise than when they fell asleep.
+    List the sleeping bodies whose load from awake bodies has changed since they fell asleep.
 
-    A tenth of what presses on a body may come, go or move before it wakes; of its weight, where
-    nothing else does.
+    A body wakes when more than a tenth of the contact forces on it, weight included, changes or
+    moves.
 
     :param rows: contacts with which bodies fell asleep, (E, 13).
     :param table: contacts of the last step, (C, 13).
@@ -205,7 +205,7 @@ def _disturbed(rows, table, state, velocities, poses, mass, radius, gravity):
 
 @subroutine
 def _add(row, sign, state, velocities, poses, change, pressed):
-    """Add what a contact does to sleeping bodies, if the other body is or may become loose."""
+    """Add a contact force on sleeping bodies, if the other body is awake, removed or driven."""
     size = np.sqrt(row[9] * row[9] + row[10] * row[10] + row[11] * row[11])
     for side in range(2):
         own, other = int(row[side]), int(row[1 - side])
@@ -229,10 +229,10 @@ def _add(row, sign, state, velocities, poses, change, pressed):
 
 def struck(bodies: BodyTable, rows: np.ndarray, time_step: float) -> np.ndarray:
     """
-    List the sleeping bodies that a blow in this step may move.
+    List the sleeping bodies that an impact in this step may move.
 
-    They wake *before* the step, so that the contact solver shares the momentum; so does what they
-    may then be driven against.
+    They wake *before* the step, so that the contact solver distributes the momentum; so do the
+    bodies that they may be driven against.
 
     :param rows: contacts with which bodies fell asleep, (E, 13).
     :param time_step: [s].
@@ -256,10 +256,10 @@ def _hits(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray, speed: np
     """
     List the sleeping bodies that moving ones may reach in this step and hit hard enough.
 
-    Bounds of branches are mostly air: look closer at each pair.
+    Bounds of branches are mostly empty, so each pair is tested piece by piece.
 
     :param moving: ids, (K,).
-    :param speed: that no point of theirs exceeds [m/s], (K,).
+    :param speed: upper bound of the speed of their points [m/s], (K,).
     :returns: sleeping bodies, and rows of moving ones, (P,).
     """
     reach = speed * time_step + _NEAR
@@ -275,7 +275,7 @@ def _hits(bodies: BodyTable, sleeping: np.ndarray, moving: np.ndarray, speed: np
 
 
 def rim_speed(bodies: BodyTable, ids: np.ndarray) -> np.ndarray:
-    """Give the speed that no point of a body exceeds [m/s], (K,)."""
+    """Compute an upper bound of the speed of any point of a body [m/s], (K,)."""
     return _rim_speed(ids, bodies.velocities, bodies.radius)
 
 
@@ -291,7 +291,7 @@ def _rim_speed(ids, velocities, radius):
 
 @kernel
 def _reached(low, high, speed, mass, bounds, sleeping_mass):
-    """Pair sleeping boxes with the moving ones, sorted by their least x, that reach them."""
+    """List pairs of sleeping boxes and moving ones, sorted by least x, that reach them."""
     pairs = np.empty((64, 2), np.int64)
     found = 0
     width = 0.0

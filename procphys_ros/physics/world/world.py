@@ -38,11 +38,11 @@ GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
 
 class World:
     """
-    Rigid bodies over the ground, named by small integers.
+    Rigid bodies over the ground, identified by integer ids.
 
-    Bodies that lie still sleep and cost next to nothing, see `sleeping`. All that changes is in a
-    `BodyTable` and a few arrays beside it, see `save_state`; the engine can be rebuilt from them.
-    Several worlds may live side by side.
+    Bodies at rest sleep and cost almost no time, see `sleeping`. The state is a `BodyTable` and
+    a few arrays beside it, see `save_state`; the engine can be rebuilt from them.
+    Several worlds may coexist.
 
     :param gravity: [m/s²], (3,).
     :param friction: of the ground (as between two bodies that have this value).
@@ -76,7 +76,7 @@ class World:
                         'or pickle the Simulation that it belongs to')
 
     def close(self) -> None:
-        """Free the memory of the engine; nothing else may be called afterwards."""
+        """Free the memory of the engine; the world cannot be used afterwards."""
         self._engine.close()
 
     @property
@@ -86,7 +86,7 @@ class World:
 
     @property
     def has_joints(self) -> bool:
-        """Whether the engine has joints."""
+        """Whether the engine supports joints."""
         return self._engine.has_joints
 
     @property
@@ -96,12 +96,12 @@ class World:
 
     @property
     def bodies(self) -> BodyTable:
-        """Columns of all bodies by id: poses, velocities, state; to be read, not written."""
+        """Columns of all bodies by id: poses, velocities, state; read-only."""
         return self._bodies
 
     @property
     def joints(self) -> JointRows:
-        """Columns of all joints by id, with their forces; to be read, not written."""
+        """Columns of all joints by id, with their forces; read-only."""
         return self._joints.rows
 
     @property
@@ -110,19 +110,19 @@ class World:
         return Contacts.of(self._asleep, 1.0)
 
     def bounds(self, ids: np.ndarray) -> np.ndarray:
-        """Give axis-aligned bounds, three minima, three maxima [m], (K, 6); hexahedra as boxes."""
+        """Compute axis-aligned bounds, three minima, three maxima [m], (K, 6), see `extents`."""
         return extents.bounds(self._bodies, np.atleast_1d(ids))
 
     def pieces(self, body: int) -> Pieces:
-        """Give the collision shapes of a body."""
+        """Return the collision shapes of a body."""
         return self._bodies.pieces(body)
 
     def poses(self, ids: np.ndarray) -> np.ndarray:
-        """Give centres of mass and principal axes in the world, (K, 7)."""
+        """Return centres of mass and principal axes in the world, (K, 7)."""
         return self._bodies.poses[ids]
 
     def velocities(self, ids: np.ndarray) -> np.ndarray:
-        """Give velocities of centres of mass and spins, world axes, (K, 6)."""
+        """Return velocities of centres of mass and angular velocities, world axes, (K, 6)."""
         return self._bodies.velocities[ids]
 
     def add_body(self, shape: int, size: np.ndarray, mass: float, pose: np.ndarray,
@@ -150,20 +150,20 @@ class World:
                                             hexahedra)])[0])
 
     def add_loose(self, bodies: Sequence[LooseBody]) -> np.ndarray:
-        """Add bodies that move freely, and give their ids, (K,)."""
+        """Add bodies that move freely; return their ids, (K,)."""
         ids = self._bodies.add_bodies(BodyState.AWAKE, bodies)
         self._engine.add(self._bodies, ids)
         return ids
 
     def add_driven(self, pieces: Pieces, pose: np.ndarray, friction: float = FRICTION) -> int:
         """
-        Add a kinematic body: it goes where `drive` says, whatever is in its way but the fixed.
+        Add a kinematic body, which follows `drive` and passes through immovable bodies.
 
         :param pieces: its collision shapes.
         :param pose: (7,).
         :param friction: against a body of the same kind.
         """
-        # Nothing can turn it.
+        # So heavy that no contact turns it.
         inertia = np.full(3, 0.4 * kinematic.MASS * np.square(pieces.radius()))
         is_plain = len(pieces.shapes) == 1 and np.array_equal(
             pieces.local_poses[0], [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
@@ -178,14 +178,14 @@ class World:
                    hexahedra: Hexahedra | None = None,
                    inertia: np.ndarray | None = None) -> np.ndarray:
         """
-        Add boxes that stand still until they are thawed; the engine gets them when it needs them.
+        Add boxes that are fixed until they are thawed; the engine gets them on demand.
 
         :param poses: (K, 7).
         :param sizes: full extents [m], (K, 3).
         :param mass: [kg], (K,).
         :param friction: against a body of the same kind.
         :param restitution: against a body of the same kind.
-        :param hexahedra: those of the boxes that are no rectangular ones.
+        :param hexahedra: corners of the boxes that are not rectangular.
         :param inertia: principal moments [kg·m²], (K, 3); None = of solid rectangular boxes.
         :returns: ids, (K,).
         """
@@ -198,15 +198,15 @@ class World:
              frames: np.ndarray, options: JointOptions | None = None,
              other_frames: np.ndarray | None = None) -> np.ndarray:
         """
-        Let bodies hang by joints, where they are now; see `JointKind`.
+        Connect bodies by joints at their present poses; see `JointKind`.
 
         :param kind: one for all, or (K,).
         :param first, second: ids of bodies, or of the ground, (K,).
-        :param frames: of the joints, world, whose x axis is that of the joint, (K, 7).
+        :param frames: of the joints, world, with the x axis along the joint's axis, (K, 7).
         :param options: limits, springs, motors and strengths; None = none of them.
         :param other_frames: on the second bodies, (K, 7); None = the same ones.
-        :returns: ids of the joints, (K,); they die with their bodies.
-        :raises SceneError: when the engine has no joints.
+        :returns: ids of the joints, (K,); they are removed with their bodies.
+        :raises SceneError: when the engine does not support joints.
         :raises ValueError: when there is no such body, or an option is out of its range.
         """
         ends = np.column_stack([np.atleast_1d(first), np.atleast_1d(second)])
@@ -225,7 +225,7 @@ class World:
         self._engine.set_joints(self._joints)
 
     def part(self, ids: np.ndarray) -> None:
-        """Remove joints, (K,) ids, which may be given again; what hung by them wakes."""
+        """Remove joints, (K,) ids, which may be reused, and wake their bodies."""
         rows = self.joints.of(np.atleast_1d(ids))
         self._joints.remove(ids)
         self._wake(np.stack([rows.first, rows.second]))
@@ -235,7 +235,7 @@ class World:
         self.thaw(ids[self._bodies.state[ids] == BodyState.RESTING])
 
     def remove(self, ids: np.ndarray) -> None:
-        """Remove bodies; those that rested on them are set free. Ids may be given again."""
+        """Remove bodies, and thaw those that rested on them; ids may be reused."""
         ids = np.atleast_1d(ids)
         if not len(ids):
             return
@@ -254,7 +254,7 @@ class World:
 
     def thaw(self, ids: np.ndarray, velocities: np.ndarray | None = None) -> None:
         """
-        Set bodies free; what sleeps wakes with all its island.
+        Make bodies free to move; sleeping bodies wake with their islands.
 
         :param ids: (K,).
         :param velocities: world axes, (K, 6); None = from rest.
@@ -271,7 +271,7 @@ class World:
             self.set_velocities(ids, velocities)
 
     def freeze(self, ids: np.ndarray) -> None:
-        """Hold bodies where they are until they are thawed, (K,) ids."""
+        """Fix bodies at their present poses until they are thawed, (K,) ids."""
         self._hold(np.atleast_1d(np.asarray(ids, np.intp)), BodyState.FIXED)
 
     def _hold(self, ids: np.ndarray, state: BodyState) -> None:
@@ -287,7 +287,7 @@ class World:
         """
         Set the velocities of loose bodies, world axes, (K, 6).
 
-        What something outside of this world pushes does not lie still, however slow it is.
+        This resets the sleep clocks: bodies under external loads are not at rest, at any speed.
         """
         ids = np.atleast_1d(ids)
         if len(ids):
@@ -308,10 +308,10 @@ class World:
     def apply_impulse(self, body: int, impulse: np.ndarray, point: np.ndarray | None = None,
                       angular: np.ndarray | None = None) -> None:
         """
-        Change the velocity of a body at once; one that rests is set free.
+        Apply an impulse to a body; fixed and sleeping bodies are thawed.
 
         :param impulse: [N·s], world, (3,).
-        :param point: where it acts, world [m], (3,); None = at the centre of mass.
+        :param point: point of application, world [m], (3,); None = at the centre of mass.
         :param angular: further angular impulse [N·m·s], world, (3,).
         """
         if self._bodies.state[body] in (BodyState.FIXED, BodyState.RESTING):
@@ -321,7 +321,7 @@ class World:
 
     def exclude_contacts(self, pairs: np.ndarray) -> None:
         """
-        Choose the bodies that pass through each other; all others meet.
+        Set the pairs of bodies that do not collide; all others do.
 
         :param pairs: two ids each, the lower one first, in lexicographic order, (K, 2).
         """
@@ -336,12 +336,12 @@ class World:
         self._excluded = np.array(pairs, np.intp).reshape(-1, 2)
 
     def contacts(self) -> Contacts:
-        """Give the contacts of the last step; what sleeps has none with what else sleeps."""
+        """Return the contacts of the last step; there are none between sleeping bodies."""
         return Contacts.of(self._table, self._time_step)
 
     def keep_impulses(self, share: np.ndarray) -> None:
         """
-        Let contacts of the last step tell a share of their impulses: what was not taken back.
+        Scale the impulses of the contacts of the last step by the share that was not removed.
 
         :param share: 0 to 1, in the order of `contacts`, (C,).
         """
@@ -349,22 +349,22 @@ class World:
 
     def wrench(self, body: int) -> np.ndarray:
         """
-        Give the mean force and moment that contacts had on a body in the last step.
+        Compute the mean force and moment of contacts on a body in the last step.
 
-        The engine finds contacts before it moves bodies, so their arms reach from there.
+        The engine finds contacts before it moves bodies, so lever arms are those of that time.
 
         :returns: force [N], moment about its centre of mass [N·m], world axes, (6,).
         """
-        if body >= len(self._places):  # it has joined since
+        if body >= len(self._places):  # added since
             return np.zeros(6)
         return total_impulse(body, self._places[body], self.contacts()) / self._time_step
 
     def step(self, time_step: float, threads: int = 1, looked: Looked | None = None) -> None:
         """
-        Advance time: wake what is about to be hit, move and collide, put to rest.
+        Advance time: wake bodies about to be hit, move and collide, put bodies at rest to sleep.
 
         :param time_step: [s].
-        :param threads: at most; they change no bit.
+        :param threads: largest number of threads; results do not depend on it, to the last bit.
         :param looked: see `Engine.step`.
         """
         bodies, self._time_step = self._bodies, time_step
@@ -383,7 +383,7 @@ class World:
         self._settle(time_step)
 
     def _settle(self, time_step: float) -> None:
-        """Let lie what lies still, and wake on what something presses otherwise."""
+        """Put islands at rest to sleep, and wake sleeping bodies whose load has changed."""
         bodies, table = self._bodies, self._table
         if len(self._joints):
             table = np.concatenate([table, self._joints.pulls(bodies)])
@@ -396,10 +396,10 @@ class World:
 
     def save_state(self) -> dict[str, np.ndarray]:
         """
-        Copy all that changes, as arrays.
+        Return copies of the state as arrays.
 
-        Where the caches of the engine cannot be read, a world goes on from here like one that was
-        restored only after `rebuild`.
+        With an engine whose caches cannot be saved, a world continues like one restored from
+        these arrays only after `rebuild`.
         """
         arrays = {f'bodies.{name}': column for name, column in self._bodies.save().items()}
         used = len(arrays['bodies.state'])
@@ -417,12 +417,12 @@ class World:
     @classmethod
     def restore(cls, arrays: Mapping[str, np.ndarray], engine: str = DEFAULT_ENGINE) -> Self:
         """
-        Build a world from what `save_state` gave, with any engine.
+        Build a world from the arrays of `save_state`, with any engine.
 
         :param arrays: as saved; they are copied.
         :param engine: name of an engine, see `make_engine`.
-        :raises ValueError: when they are not laid out as `save_state` does, or name bodies that
-            there are not.
+        :raises ValueError: when their layout differs from that of `save_state`, or they refer to
+            bodies that do not exist.
         """
         check_saved(arrays)
         ground = _group(arrays, 'terrain.')
@@ -438,12 +438,12 @@ class World:
         return world
 
     def rebuild(self) -> None:
-        """Build an engine anew that cannot be saved: it goes on as in any world restored."""
+        """Rebuild an engine that cannot be saved; it then continues as in a restored world."""
         if not isinstance(self._engine, SavableEngine):
             self._build({})
 
     def _build(self, saved: Mapping[str, np.ndarray]) -> None:
-        """Build the engine from the table, and from what was saved of one of its kind."""
+        """Build the engine from the table, and from the saved caches of one of its kind."""
         self._engine.clear()
         ids = self._bodies.ids
         waits = (self._bodies.state[ids] == BodyState.FIXED) & (self._bodies.least[ids] > 0.0)
@@ -461,6 +461,6 @@ class World:
 
 
 def _group(arrays: Mapping[str, np.ndarray], prefix: str) -> dict[str, np.ndarray]:
-    """Copy the arrays whose names begin so, under the rest of their names."""
+    """Return copies of the arrays with a prefix, keyed by their names without it."""
     return {name.removeprefix(prefix): column.copy() for name, column in arrays.items()
             if name.startswith(prefix)}
