@@ -14,7 +14,7 @@
 
 
 """
-Rigid bodies in contact: pieces, manifolds, islands, and a solver of impulses in substeps.
+Rigid bodies in contact: pieces, manifolds, islands, and an impulse solver with substeps.
 
 Pieces are boxes, convex hexahedra, capsules and spheres; bodies are compounds of them.
 """

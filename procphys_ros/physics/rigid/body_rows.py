@@ -13,25 +13,25 @@
 # limitations under the License.
 
 
-"""Body rows: what the solver knows of a body that moves, a row each."""
+"""Body rows: the solver's state of moving bodies, a row each."""
 
 import math
 
 from procphys_ros.compilation import subroutine
 from procphys_ros.physics.rigid.vectors import INLINE, three
 
-# A row per body, so that a contact reads and writes it at once: velocity and spin, 1 / mass along
-# three axes, inverse inertia in the world (xx, xy, xz, yy, yz, zz), the motion before contacts
-# acted in the present substep, how far it has moved and turned in this step, the matrix that gives
-# how far a point moves by that turn, right to its second power, and which share of its inertia
-# against the vertical is its own.
+# A row per body, for locality of memory access: linear and angular velocity, 1 / mass along
+# three axes, inverse inertia in the world (xx, xy, xz, yy, yz, zz), velocities before the contacts
+# of the present substep, displacement and rotation in this step, the matrix of the displacement of
+# points by that rotation, to second order, and its true over its scaled inertia against vertical
+# motion.
 SPEED, SPIN, LIGHT, EASE, FREE, WAY, TURNED, BEND, OWN = 0, 3, 6, 9, 15, 21, 24, 27, 36
 BODY = 37
 
 
 @subroutine(**INLINE)
 def eased(state, i, v):
-    """Multiply the inverse of a body's inertia with a vector."""
+    """Multiply a vector by the inverse inertia of a body."""
     a, b = three(state, i, EASE), three(state, i, EASE + 3)
     return (a[0] * v[0] + a[1] * v[1] + a[2] * v[2], a[1] * v[0] + b[0] * v[1] + b[1] * v[2],
             a[2] * v[0] + b[1] * v[1] + b[2] * v[2])
@@ -39,13 +39,13 @@ def eased(state, i, v):
 
 @subroutine(**INLINE)
 def lightened(state, i, v):
-    """Divide a vector by a body's mass, which differs along the vertical."""
+    """Divide a vector by the mass of a body, which is scaled along the vertical."""
     return state[i, LIGHT] * v[0], state[i, LIGHT + 1] * v[1], state[i, LIGHT + 2] * v[2]
 
 
 @subroutine(**INLINE)
 def rotated(q, spin, duration):
-    """Turn an attitude by a spin for a while; the tangent is right to its third power."""
+    """Rotate an attitude by an angular velocity over a duration, to third order."""
     x, y, z = 0.5 * duration * spin[0], 0.5 * duration * spin[1], 0.5 * duration * spin[2]
     wider = 1.0 + (x * x + y * y + z * z) / 3.0
     x, y, z = wider * x, wider * y, wider * z

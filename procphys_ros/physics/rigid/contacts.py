@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Contacts: the points at which bodies touch, with what they pressed with a step before."""
+"""Contacts: points at which bodies touch, with their forces of the previous step."""
 
 import math
 from typing import NamedTuple
@@ -26,21 +26,21 @@ from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_
 from procphys_ros.physics.rigid.vectors import at, dot, INLINE, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
-_GROUND = (1 << 31) - 2  # in the place of a first piece: a piece on the ground, ...
-POINT = (1 << 31) - 1  # ... or a further point that only the ground meets
-_SAME = 0.02  # [m] by which a point may wander over a body within a step and be the same
-_SAME_TURN = 1e-3  # [rad] by which a pair may turn and touch at the same points: friction to 0.1 %
-_SAME_WAY = 0.5 * SLOP  # [m] by which points of it may come nearer
+_GROUND = (1 << 31) - 2  # first piece in keys of a piece on the ground
+POINT = (1 << 31) - 1  # first piece in keys of a ground contact point of a body
+_SAME = 0.02  # [m] largest motion of a contact point over a body in a step to be matched
+_SAME_TURN = 1e-3  # [rad] largest relative rotation of a reused manifold: friction to 0.1 %
+_SAME_WAY = 0.5 * SLOP  # [m] largest relative motion of the points of a reused manifold
 _CORNERS = 8  # of a piece that may touch the ground
 
 
 def split_key(key: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give the two pieces that keys stand for; numbers beyond all pieces stand for the ground."""
+    """Return the two pieces of keys; numbers beyond all pieces stand for the ground."""
     return key >> 32, key & 0xffffffff
 
 
 def join_key(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-    """Give the keys of pairs of pieces; they sort as the pairs do."""
+    """Return the keys of pairs of pieces, which sort like the pairs."""
     return (first << 32) | second
 
 
@@ -53,15 +53,15 @@ class ContactRows(NamedTuple):
     :ivar point: half-way between the surfaces, world [m], (C, 3).
     :ivar normal: unit, from the second to the first, (C, 3).
     :ivar gap: negative where they overlap [m], (C,).
-    :ivar radius: of round pieces, whose point of contact does not turn with them; 0 for others
+    :ivar radius: of round pieces, whose contact point does not rotate with them; 0 for others
         [m], (C, 2).
-    :ivar anchor: the point as it was found, in the frame of the first body [m], (C, 3).
+    :ivar anchor: point at detection, in the frame of the first body [m], (C, 3).
     :ivar other_anchor: the same in the frame of the second body [m], (C, 3).
     :ivar found: normal in the frame of the first body, attitude of the second in it, and gap [m],
-        when the point was found, (C, 8).
-    :ivar shift: how far the first body has been carried along the second since they stick there,
+        at detection, (C, 8).
+    :ivar shift: tangential displacement of the first body against the second since they stick,
         world [m], (C, 3).
-    :ivar force: along the normal, and across it in world axes, on the first [N], (C, 4).
+    :ivar force: on the first body, along the normal, and tangential in world axes [N], (C, 4).
     """
 
     key: np.ndarray
@@ -78,17 +78,17 @@ class ContactRows(NamedTuple):
     force: np.ndarray
 
     def of(self, rows: np.ndarray) -> 'ContactRows':
-        """Give some rows."""
+        """Return some rows of the columns."""
         return ContactRows(*(column[rows] for column in self))
 
     def head(self, count: int) -> 'ContactRows':
-        """Give the first rows."""
+        """Return the first rows of the columns."""
         return ContactRows(*(column[:count] for column in self))
 
 
 @kernel
 def no_contacts(count):
-    """Make room for contacts."""
+    """Allocate columns for contacts."""
     return ContactRows(np.empty(count, np.int64), np.empty(count, np.int64),
                        np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)),
                        np.empty(count), np.empty((count, 2)), np.empty((count, 3)),
@@ -99,15 +99,16 @@ def no_contacts(count):
 @kernel(nogil=True)
 def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step, before):
     """
-    Find where pieces touch each other and the ground, or will within a step.
+    Find the contact points of pieces with each other and the ground, within reach of a step.
 
     :param rows: pieces that move, ascending, (M,).
     :param is_free: whether they move freely; others pass through the ground, (M,) bool.
     :param pairs: keys of pieces, ascending, (K,).
     :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
-    :param extra: further points that only the ground meets: bodies, (E,), places in their frames
-        [m], (E, 3), and numbers that name them, (E,).
-    :param before: contacts of the step before.
+    :param extra: ground contact points: bodies, (E,), positions in their frames
+        [m], (E, 3), and identifying numbers, (E,).
+    :param before: contacts of the previous step.
+    :returns: contact rows and the number of them in use.
     """
     out = no_contacts(MOST * len(pairs) + _CORNERS * len(rows) + len(extra[0]))
     points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
@@ -151,7 +152,7 @@ def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_
 
 @subroutine(**LEAN)
 def _range(before, old, key):
-    """Give the first row of a key in the contacts of the step before, and the one behind."""
+    """Return the range of rows of a key in the contacts of the previous step."""
     while old < len(before.key) and before.key[old] < key:
         old += 1
     last = old
@@ -163,11 +164,11 @@ def _range(before, old, key):
 @subroutine(**LEAN)
 def _lasts(p, q, way, pieces, poses, before, old, last):
     """
-    Say whether the points of a pair are still those at which it touches.
+    Return whether the previous contact points of a pair can be reused.
 
-    They are as long as it has hardly turned, and nothing that was too far away can have come near.
+    They can as long as relative rotation and motion are too small for other points to come near.
 
-    :param way: by which the two may approach each other in the step [m].
+    :param way: largest approach of the two in the step [m].
     """
     if pieces.radius[p] > 0.0 or pieces.radius[q] > 0.0:
         return False
@@ -185,7 +186,7 @@ def _lasts(p, q, way, pieces, poses, before, old, last):
 
 @subroutine(**INLINE)
 def _relative(one, two):
-    """Give the second of two attitudes in the frame of the first."""
+    """Return the second of two attitudes in the frame of the first."""
     a, b, c, d = one[0], one[1], one[2], one[3]
     e, f, g, h = two[0], two[1], two[2], two[3]
     return (d * e - a * h - b * g + c * f, d * f - b * h - c * e + a * g,
@@ -194,7 +195,7 @@ def _relative(one, two):
 
 @subroutine(**LEAN)
 def _go_on(out, r, before, old, poses):
-    """Write a point of the step before where it is now."""
+    """Write a contact point of the previous step at its present position."""
     first, second = before.first[old], before.second[old]
     out.key[r], out.first[r], out.second[r] = before.key[old], first, second
     one = _carried(poses[first], at(before.anchor, old))
@@ -216,7 +217,7 @@ def _go_on(out, r, before, old, poses):
 @subroutine(**LEAN)
 def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step, points, normals,
                   before):
-    """Find further points that touch the ground, and give the number of all contacts."""
+    """Find the ground contact points in contact; return the number of all contacts."""
     for e in range(len(extra[0])):
         found = _corner_on_ground(extra[0][e], extra[1][e], poses, velocities, terrain, time_step,
                                   points, normals)
@@ -229,7 +230,7 @@ def _find_corners(extra, out, count, old, poses, velocities, terrain, time_step,
 
 @subroutine(**LEAN)
 def _approach(p, q, pieces, poses, velocities):
-    """Give a speed with which two pieces do not approach each other faster [m/s]."""
+    """Compute an upper bound of the approach speed of two pieces [m/s]."""
     a, b = pieces.body[p], pieces.body[q]
     one = point_velocity(poses[a], velocities[a], pieces.centre[p])
     two = point_velocity(poses[b], velocities[b], pieces.centre[q])
@@ -239,7 +240,7 @@ def _approach(p, q, pieces, poses, velocities):
 
 @subroutine(**LEAN)
 def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
-    """Find the corners of a piece that touch the ground, and its normals there."""
+    """Find the corners of a piece that touch the ground, and the ground's normals there."""
     if terrain.heights.shape[0] == 0 and pieces.bounds[p, 2] > 0.0:
         return 0
     body = pieces.body[p]
@@ -265,7 +266,7 @@ def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals
 
 @subroutine(**LEAN)
 def _corner_on_ground(body, place, poses, velocities, terrain, time_step, points, normals):
-    """Find whether a further point touches the ground."""
+    """Write the contact of a ground contact point; return its number of contacts, 0 or 1."""
     corner = _carried(poses[body], place)
     way = length(point_velocity(poses[body], velocities[body], corner)) * time_step
     n = normal_at(terrain, corner[0], corner[1])
@@ -287,13 +288,13 @@ def _carried(pose, place):
 
 @subroutine(**LEAN)
 def _back(pose, place):
-    """Express a point of the world in the frame of a pose."""
+    """Transform a point from the world into the frame of a pose."""
     return _unturned(pose, (place[0] - pose[0], place[1] - pose[1], place[2] - pose[2]))
 
 
 @subroutine(**LEAN)
 def _unturned(pose, a):
-    """Express a direction of the world in the frame of a pose."""
+    """Rotate a direction from the world into the frame of a pose."""
     x, y, z, w = -pose[3], -pose[4], -pose[5], pose[6]
     u = (y * a[2] - z * a[1], z * a[0] - x * a[2], x * a[1] - y * a[0])
     return (a[0] + 2.0 * (w * u[0] + y * u[2] - z * u[1]),
@@ -303,14 +304,14 @@ def _unturned(pose, a):
 
 @subroutine(**INLINE)
 def _roll(out, row, count, radius, other):
-    """Write the radii of what rolls."""
+    """Write the radii of rolling pieces of contacts."""
     for r in range(row, row + count):
         out.radius[r, 0], out.radius[r, 1] = radius, other
 
 
 @subroutine(**LEAN)
 def _write(out, row, count, key, first, second, points, normals, poses, before, old):
-    """Write the points of a pair, and what they pressed with; give where its old ones begin."""
+    """Write the points of a pair, with their previous forces; return its first previous row."""
     while old < len(before.key) and before.key[old] < key:
         old += 1
     for k in range(count):

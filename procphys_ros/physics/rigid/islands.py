@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Islands: groups of bodies that touch each other, which nothing else moves in a step."""
+"""Islands: groups of bodies connected by contacts or joints, solved independently in a step."""
 
 import math
 from typing import NamedTuple, Self
@@ -23,8 +23,8 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.vectors import LEAN
 
-_LEVEL = 1e-6  # [m] of height from which on points count as one above the other
-_DIGIT = 1 << 11  # two of them cover 4 m
+_LEVEL = 1e-6  # [m] resolution of heights of contacts
+_DIGIT = 1 << 11  # radix of the sort; two digits cover 4 m
 
 
 class Islands(NamedTuple):
@@ -32,7 +32,7 @@ class Islands(NamedTuple):
     Islands, each with its bodies, contacts and joints.
 
     :ivar bodies: rows, island by island, (N,).
-    :ivar body_start: where those of each begin, and the end, (I + 1,).
+    :ivar body_start: start of the bodies of each island, and the end, (I + 1,).
     :ivar contacts, contact_start: likewise.
     :ivar joints, joint_start: likewise.
     """
@@ -50,10 +50,10 @@ class Islands(NamedTuple):
         """
         Sort bodies, contacts and joints by island, in the order of the first body of each.
 
-        :param contacts: bodies that they join, (C,) twice; numbers from `count` on do not move
-            and join nothing.
+        :param contacts: bodies of contacts, (C,) twice; numbers from `count` on are immovable and
+            connect no islands.
         :param joints: likewise, (J,) twice.
-        :param count: of bodies that move.
+        :param count: number of movable bodies.
         """
         pairs = [np.concatenate(ends) for ends in zip(contacts, joints)]
         bodies, body_start, rows, start = _components(*pairs, count)
@@ -63,7 +63,7 @@ class Islands(NamedTuple):
                    start - begin)
 
     def taken(self, chosen: np.ndarray) -> Self:
-        """Give some islands, in this order."""
+        """Return some islands, in this order."""
         out = []
         for column, start in zip(self[::2], self[1::2]):
             size = np.diff(start)[chosen]
@@ -73,7 +73,7 @@ class Islands(NamedTuple):
         return type(self)(*out)
 
     def between(self, low: int, high: int) -> Self:
-        """Give islands that follow each other."""
+        """Return a range of islands."""
         out = []
         for column, start in zip(self[::2], self[1::2]):
             out += [column[start[low]:start[high]], start[low:high + 1] - start[low]]
@@ -90,7 +90,7 @@ def _root(parent, i):
 
 @kernel
 def _components(first, second, count):
-    """Give bodies by island, where those of each begin, pairs by island, where those begin."""
+    """Sort bodies and pairs by island; return bodies and their starts, pairs and their starts."""
     parent = np.arange(count)
     for c in range(len(first)):
         a, b = first[c], second[c]
@@ -115,10 +115,10 @@ def _components(first, second, count):
 @kernel
 def upwards(contacts, rows, gravity):
     """
-    Sort contacts from the ground up: first those that press or overlap, then those that may.
+    Sort contacts from the ground up: first those with force or overlap, then the open ones.
 
-    :param contacts: with what they pressed with in the step before.
-    :param rows: of those to sort, (C,).
+    :param contacts: with their forces of the previous step.
+    :param rows: rows of contacts to sort, (C,).
     :param gravity: [m/s²], (3,).
     :returns: rows, (C,).
     """
@@ -144,7 +144,7 @@ def upwards(contacts, rows, gravity):
 
 @subroutine
 def _sorted(number, count):
-    """Sort by number, in order, and give where each begins."""
+    """Sort by number, stably; return the order and the start of each number."""
     start = np.zeros(count + 1, np.int64)
     for i in range(len(number)):
         start[number[i] + 1] += 1

@@ -14,13 +14,14 @@
 
 
 """
-Joints: what they demand of bodies, a row per direction, solved at once for all of an island.
+Joints: constraints between bodies, a row per direction, solved directly for each island.
 
-The rows of an island are one symmetric system, which is factored along its envelope: a chain costs
-as much per link as a single joint, and a heavy end stretches no link. Rows that have bounds
-(limits, motors) take part while they are within them. In a substep the rows are those where it
-begins; they hold where it ends, to the second power of what bodies turn, and the passes that relax
-make speeds fit there: energy stays (RATTLE; Andersen 1983, J. Comput. Phys. 52, 24-34).
+The rows of an island form one symmetric system, which is factored along its envelope: a chain
+costs as much per link as a single joint, and a heavy end stretches no link. Rows with bounds
+(limits, motors) are active while they are within them. A substep uses the rows at its start;
+positions satisfy the constraints at its end, to second order of the rotations, and the relaxation
+passes make velocities consistent there: energy is conserved (RATTLE; Andersen 1983, J. Comput.
+Phys. 52, 24-34).
 """
 
 from enum import IntEnum
@@ -47,56 +48,56 @@ from procphys_ros.rotation_kernels import matrix_rows
 
 
 class JointKind(IntEnum):
-    """What a joint holds; axes are those of its frame in the second body."""
+    """Degrees of freedom that a joint fixes; axes are those of its frame in the second body."""
 
-    GONE = 0    # there is no such joint
+    GONE = 0    # unused row
     WELD = 1    # all
-    HINGE = 2   # all but turns about x
-    SLIDER = 3  # all but ways along x
-    BALL = 4    # the point
-    ROPE = 5    # nothing by itself; its axis leads from the second point to the first
+    HINGE = 2   # all but rotation about x
+    SLIDER = 3  # all but translation along x
+    BALL = 4    # translation
+    ROPE = 5    # none by itself; its axis leads from the second point to the first
 
 
 _GONE, _WELD, _HINGE, _SLIDER, _BALL, _ROPE = (int(kind) for kind in JointKind)
-# Rows that always hold, by kind. Those of its axis follow: spring, motor, limit.
+# Number of equality rows by kind. The rows of the axis follow: spring, motor, limit.
 _FIRM = (0, 6, 5, 5, 3, 0)
 _ROWS = (0, 6, 8, 8, 3, 3)
 _HOLDS, _SPRING, _MOTOR, _LIMIT = 0, 1, 2, 3
 
-# A row per direction: along which impulses act, about which they turn the first and the second
-# body, the changes of velocity and spin by a unit impulse, first and second, how much is missing,
-# the speed that it is to have beside, its compliance, bounds of its impulse, the impulse of the
-# present substep, and how much that is to change.
+# A row per direction: its linear and its angular directions on the first and the second body, the
+# changes of linear and angular velocity by a unit impulse, first and second, the constraint error,
+# the bias velocity, its compliance, bounds of its impulse, the impulse of the present substep, and
+# the pending change of that.
 _ALONG, _ABOUT, _OTHER_ABOUT, _PULL, _TURN, _OTHER_PULL, _OTHER_TURN = 0, 3, 6, 9, 12, 15, 18
 _GAP, _AIM, _SOFT, _LOW, _HIGH, _IMPULSE, _CHANGE = 21, 22, 23, 24, 25, 26, 27
 _LINE = 28
-# A row per joint: way from the second point to the first, arms to them, axes of both frames.
+# A row per joint: vector from the second point to the first, arms to them, axes of both frames.
 _WAY, _ARM, _OTHER_ARM, _AXES, _OTHER_AXES, _PLACE = 0, 3, 6, 9, 18, 27
 
-_CALM = 1e-4  # [m/s, rad/s] of change by a pass, at which it is the last
-_RIDGE = 1e-9  # share of its own mass by which a row gives way, so that two may say the same
+_CALM = 1e-4  # [m/s, rad/s] change of speed by a pass at which passes end
+_RIDGE = 1e-9  # relative regularisation of the diagonal, for redundant rows
 
 
 class JointRows(NamedTuple):
     """
-    Columns of joints, a row each. Ways are along the axis [m], or about that of a hinge [rad].
+    Columns of joints, a row each; displacements are along the axis [m], or about a hinge [rad].
 
     :ivar kind: `JointKind`, (J,).
     :ivar first, second: bodies, (J,).
     :ivar frame, other_frame: of the joint in the first and in the second body, (J, 7).
-    :ivar low, high: least and greatest way, (J,).
+    :ivar low, high: least and greatest displacement, (J,).
     :ivar stiffness: of its spring [N/m, N·m/rad], (J,).
     :ivar damping: [N·s/m, N·m·s/rad], (J,).
-    :ivar rest: way at which the spring is slack, (J,).
+    :ivar rest: displacement at which the spring is slack, (J,).
     :ivar speed: of its motor [m/s, rad/s], (J,).
     :ivar drive: greatest force or moment of the motor [N, N·m], (J,).
     :ivar strength: greatest mean force [N] and moment [N·m] of a step, (J, 2).
-    :ivar collides: whether the two bodies meet, (J,) bool.
+    :ivar collides: whether the two bodies collide, (J,) bool.
     :ivar broken: (J,) bool.
-    :ivar way: of the first body against the second, turns counted, (J,).
+    :ivar way: displacement of the first body against the second, full turns counted, (J,).
     :ivar force: on the first body in the last step, world axes [N], (J, 3).
     :ivar moment: likewise, about the joint's point on the first body [N·m], (J, 3).
-    :ivar strain: inertia of both bodies at least, for its force to swing them steadily [kg·m²],
+    :ivar strain: least inertia of both bodies for stability under the joint's force [kg·m²],
         (J, 2).
     """
 
@@ -121,12 +122,12 @@ class JointRows(NamedTuple):
     strain: np.ndarray
 
     def of(self, rows: np.ndarray | slice) -> 'JointRows':
-        """Give some rows."""
+        """Return some rows of the columns."""
         return JointRows(*(column[rows] for column in self))
 
 
 def no_joints(count: int) -> JointRows:
-    """Make room for joints."""
+    """Allocate columns for joints."""
     numbers = {name: np.zeros(count) for name in JointRows._fields}
     return JointRows(**numbers | {
         **{name: np.zeros(count, np.int64) for name in ('kind', 'first', 'second')},
@@ -138,19 +139,19 @@ def no_joints(count: int) -> JointRows:
 
 class System(NamedTuple):
     """
-    What is solved for the joints of a step.
+    Linear system of the joints of a step.
 
     :ivar begin: row of each joint's first direction, and their number, (J + 1,).
     :ivar ends: bodies of each direction, (R, 2).
-    :ivar part: what it belongs to: `_HOLDS`, `_SPRING`, `_MOTOR` or `_LIMIT`, (R,).
+    :ivar part: type of each row: `_HOLDS`, `_SPRING`, `_MOTOR` or `_LIMIT`, (R,).
     :ivar lines: (R, `_LINE`).
-    :ivar takes_part: whether its impulse is within its bounds, (R,) bool.
-    :ivar left: where its row of the envelope begins: a direction, (R,).
-    :ivar offset: and a place in `matrix` and `factor`, (R + 1,).
+    :ivar takes_part: whether the row is active: its impulse is within its bounds, (R,) bool.
+    :ivar left: first column of each row of the envelope, (R,).
+    :ivar offset: its index in `matrix` and `factor`, (R + 1,).
     :ivar matrix: speed along a direction by unit impulses along others, by envelope, (E,).
     :ivar factor: L of its L·D·Lᵀ, (E,); `inverse`, of D, (R,).
-    :ivar places: (J, `_PLACE`); `ahead`, likewise where the substep ends.
-    :ivar sums: impulse and moment of impulse over the step, (J, 6).
+    :ivar places: (J, `_PLACE`); `ahead`, likewise at the end of the substep.
+    :ivar sums: linear and angular impulse over the step, (J, 6).
     """
 
     begin: np.ndarray
@@ -171,10 +172,10 @@ class System(NamedTuple):
 @kernel
 def along_chains(first, second, count):
     """
-    Sort joints so that those that share bodies come close to each other (Cuthill & McKee 1969).
+    Sort joints so that those with common bodies are close together (Cuthill & McKee 1969).
 
-    :param first, second: bodies of each; those from `count` on do not move, (J,).
-    :param count: of bodies that move.
+    :param first, second: bodies of each; those from `count` on are immovable, (J,).
+    :param count: number of movable bodies.
     :returns: rows, (J,).
     """
     start, own = _joints_of(first, second, count)
@@ -183,7 +184,7 @@ def along_chains(first, second, count):
     for j in range(len(first)):
         if seen[j]:
             continue
-        # From the last one that is found from anywhere, an end of a chain.
+        # Start from the farthest joint, an end of a chain.
         end = _spread(j, first, second, count, start, own, order, done, seen)
         for k in range(done, end):
             seen[order[k]] = False
@@ -193,7 +194,7 @@ def along_chains(first, second, count):
 
 @subroutine
 def _joints_of(first, second, count):
-    """List the joints of each body, and where those of each begin."""
+    """List the joints of each body; return their starts and the list."""
     start = np.zeros(count + 1, np.int64)
     for j in range(len(first)):
         for body in (first[j], second[j]):
@@ -212,7 +213,7 @@ def _joints_of(first, second, count):
 
 @subroutine(**LEAN)
 def _spread(origin, first, second, count, start, own, order, done, seen):
-    """List what hangs together with a joint, the nearest first, and give where that ends."""
+    """List the joints connected with a joint, breadth-first; return the end of the list."""
     order[done], seen[origin] = origin, True
     end = done + 1
     while done < end:
@@ -231,10 +232,10 @@ def _spread(origin, first, second, count, start, own, order, done, seen):
 @subroutine
 def lay_out(joints, count):
     """
-    Make room for the system of joints that are sorted by island.
+    Allocate the system of joints, which are sorted by island.
 
     :param joints: their bodies are rows of `MovingBodies`.
-    :param count: of bodies that move freely.
+    :param count: number of bodies that move freely.
     """
     begin = np.zeros(len(joints.kind) + 1, np.int64)
     for t in range(len(joints.kind)):
@@ -263,10 +264,10 @@ def lay_out(joints, count):
 @subroutine(**LEAN)
 def aim(own, joints, system, bodies, free, time, state):
     """
-    Write the directions of joints where their bodies are now.
+    Update the constraint rows of joints to the present poses of their bodies.
 
     :param own: joints.
-    :param free: number of bodies that move freely; others have moved on for `time` [s].
+    :param free: number of bodies that move freely; kinematic ones have moved for `time` [s].
     """
     for t in own:
         _place(t, joints, system.places, bodies, free, time, state)
@@ -287,7 +288,7 @@ def aim(own, joints, system, bodies, free, time, state):
 
 @subroutine(**LEAN)
 def _place(t, joints, places, bodies, free, time, state):
-    """Write where the frames of a joint are."""
+    """Write the world frames of a joint."""
     way = (0.0, 0.0, 0.0)
     for side in range(2):
         i = joints.first[t] if side == 0 else joints.second[t]
@@ -313,10 +314,10 @@ def _place(t, joints, places, bodies, free, time, state):
 @subroutine(**LEAN)
 def _steady(i, arm, strain, state):
     """
-    Give more inertia to a body that a joint pulls at so hard that it would swing in a substep.
+    Raise the inertia of a body that would oscillate within a substep under the pull of a joint.
 
-    The arm that turns under the force is a spring, which is not seen within the substep (Tournier
-    et al. 2015, "Stable constrained dynamics", ACM Trans. Graph. 34).
+    The rotating arm of the force acts as a spring, geometric stiffness that the substep does not
+    resolve (Tournier et al. 2015, "Stable constrained dynamics", ACM Trans. Graph. 34).
     """
     far = dot(arm, arm)
     if strain == 0.0 or far == 0.0:
@@ -335,13 +336,13 @@ def _axis(places, t, side, k):
 
 @subroutine(**LEAN)
 def _across(places, t, k):
-    """Give what the axis of a hinge is across when it is not turned about axis k of the second."""
+    """Return the vector that a hinge's axis is normal to without rotation about axis k."""
     return cross(_axis(places, t, 1, k), _axis(places, t, 1, 0))
 
 
 @subroutine(**LEAN)
 def _way(kind, before, places, t):
-    """Give how far a joint is along or about its axis; turns of hinges count on."""
+    """Compute the displacement of a joint along or about its axis; hinges count full turns."""
     if kind == _ROPE:
         return length(three(places, t, _WAY))
     if kind == _SLIDER:
@@ -354,9 +355,9 @@ def _way(kind, before, places, t):
 @subroutine(**LEAN)
 def _role(kind, k):
     """
-    Say what a direction of a joint is about.
+    Return type and axis of a direction of a joint.
 
-    :returns: whether a turn, and of which axis: 0 to 2; 3 = the axis of the joint.
+    :returns: whether it is angular, and its axis: 0 to 2; 3 = the axis of the joint.
     """
     if k >= _FIRM[kind]:
         return kind == _HINGE, 3
@@ -367,7 +368,7 @@ def _role(kind, k):
 
 @subroutine(**LEAN)
 def _direct(r, k, kind, places, t, system, state):
-    """Write a direction of a joint, and what impulses along it give."""
+    """Write a direction of a joint, and the velocity changes by unit impulses along it."""
     turns, number = _role(kind, k)
     lines, nothing = system.lines, (0.0, 0.0, 0.0)
     unit = (1.0 if number == 0 else 0.0, 1.0 if number == 1 else 0.0, 1.0 if number == 2 else 0.0)
@@ -386,7 +387,7 @@ def _direct(r, k, kind, places, t, system, state):
             unit = scaled(1.0 / far, way) if far > 0.0 else _axis(places, t, 1, 0)
         along, arm = unit, three(places, t, _ARM)
         about = cross(arm, unit)
-        # Where it acts on the first body: both get the same moment.
+        # From the second body to the point on the first, so that both get the same moment.
         arm = plus(three(places, t, _OTHER_ARM), 1.0, three(places, t, _WAY))
         other = cross(arm, unit)
     put(lines, r, _ALONG, along)
@@ -401,7 +402,7 @@ def _direct(r, k, kind, places, t, system, state):
 
 @subroutine(**LEAN)
 def _gap(k, kind, places, t):
-    """Give how much is missing along a direction that holds [m, rad]."""
+    """Compute the constraint error along a direction [m, rad]."""
     turns, number = _role(kind, k)
     if number == 3:
         return 0.0 if turns else _way(kind, 0.0, places, t)
@@ -418,7 +419,7 @@ def _gap(k, kind, places, t):
 
 @subroutine(**LEAN)
 def _bound(r, way, low, high, lines):
-    """Write how far a joint is from the nearer one of its limits, and which way that pushes."""
+    """Write the distance of a joint from its nearer limit, and the bounds of its impulse."""
     lower = way - low < high - way
     lines[r, _GAP] = way - low if lower else way - high
     lines[r, _LOW], lines[r, _HIGH] = (0.0, math.inf) if lower else (-math.inf, 0.0)
@@ -430,7 +431,7 @@ def _bound(r, way, low, high, lines):
 
 @subroutine(**LEAN)
 def _coupling(r, c, system):
-    """Give the speed along a direction by a unit impulse along another one."""
+    """Compute the speed along a direction by a unit impulse along another one."""
     lines, ends, total = system.lines, system.ends, 0.0
     along = three(lines, r, _ALONG)
     for side in range(2):
@@ -445,7 +446,7 @@ def _coupling(r, c, system):
 
 @subroutine(**LEAN)
 def begin(own, joints, system, h, state):
-    """Begin a substep: say which speeds directions are to have, and what they may carry."""
+    """Begin a substep: set bias velocities and impulse bounds of the rows of joints."""
     lines = system.lines
     for t in own:
         _foresee(t, joints.first[t], joints.second[t], system, h, state)
@@ -474,7 +475,7 @@ def begin(own, joints, system, h, state):
 
 @subroutine(**LEAN)
 def _foresee(t, first, second, system, h, state):
-    """Write where the frames of a joint are when bodies have moved on as they do."""
+    """Write the frames of a joint at the end of the substep, predicted by velocities."""
     places, ahead = system.places, system.ahead
     way = three(places, t, _WAY)
     for side in range(2):
@@ -491,7 +492,7 @@ def _foresee(t, first, second, system, h, state):
 
 @subroutine(**LEAN)
 def _turn(turn, arm):
-    """Give how far a point moves, to the second power of a turn."""
+    """Compute the displacement of a point by a rotation, to second order."""
     way = cross(turn, arm)
     return plus(way, 0.5, cross(turn, way))
 
@@ -499,10 +500,10 @@ def _turn(turn, arm):
 @subroutine(**LEAN)
 def _relax(r, stretch, stiffness, damping, h, system):
     """
-    Write what a spring demands: a share of its force is that at the end of the substep.
+    Set the row of a spring: a share of its force is implicit, at the end of the substep.
 
-    The stiffer it is for its substep, the larger the share: what is soft swings on without loss,
-    and nothing is too stiff. The loss is of the second power of stiffness · h² / mass.
+    The share grows with stiffness · h² / mass: soft springs oscillate without loss, and stiff
+    ones are stable. The loss is of second order in stiffness · h² / mass.
     """
     lines, light = system.lines, system.matrix[system.offset[r + 1] - 1]
     stiff = h * h * stiffness * light
@@ -516,7 +517,7 @@ def _relax(r, stretch, stiffness, damping, h, system):
 
 @subroutine(**LEAN)
 def _speed(r, system, state):
-    """Give the speed of the first body against the second along a direction."""
+    """Return the speed of the first body relative to the second along a direction."""
     lines, i, j = system.lines, system.ends[r, 0], system.ends[r, 1]
     way = less(three(state, i, SPEED), three(state, j, SPEED))
     return (dot(three(lines, r, _ALONG), way)
@@ -539,11 +540,11 @@ def _push(r, impulse, system, state):
 @subroutine(**LEAN)
 def solve(own, joints, system, state, h, time_step, rate, first):
     """
-    Solve the joints of an island; return whether any speed has changed.
+    Solve the joints of an island; return whether any speed has changed noticeably.
 
     :param own: joints.
-    :param rate: at which gaps are taken back [1/s]; 0 = bodies have moved, and speeds are to fit.
-    :param first: whether bodies have moved since the last time.
+    :param rate: correction rate of errors [1/s]; 0 = relaxation after bodies have moved.
+    :param first: whether bodies have moved since the last solve.
     """
     lines, left, right = system.lines, system.begin[own.start], system.begin[own.stop]
     stale, changed = first, False
@@ -573,7 +574,7 @@ def solve(own, joints, system, state, h, time_step, rate, first):
 
 @subroutine(**LEAN)
 def _lacks(r, system, state, h, rate):
-    """Give by how much the speed along a direction is not what it should be."""
+    """Compute the velocity error along a direction [m/s, rad/s]."""
     lines, part = system.lines, system.part[r]
     gap, speed = lines[r, _GAP], _speed(r, system, state) + lines[r, _SOFT] * lines[r, _IMPULSE]
     if part in (_SPRING, _MOTOR):
@@ -586,14 +587,14 @@ def _lacks(r, system, state, h, rate):
 
 @subroutine(**LEAN)
 def _comes_in(r, lacks, lines):
-    """Return whether the impulse of a row that is at one of its bounds is to leave it."""
+    """Return whether the impulse of a row at one of its bounds should leave it."""
     low, high, impulse = lines[r, _LOW], lines[r, _HIGH], lines[r, _IMPULSE]
     return low < high and (lacks < 0.0 and impulse <= low or lacks > 0.0 and impulse >= high)
 
 
 @subroutine(**LEAN)
 def _factor(left, right, system):
-    """Factor the rows that take part: L·D·Lᵀ, within the envelope."""
+    """Factor the active rows: L·D·Lᵀ, within the envelope."""
     factor, inverse, matrix = system.factor, system.inverse, system.matrix
     for r in range(left, right):
         low, base = system.left[r], system.offset[r] - system.left[r]
@@ -615,7 +616,7 @@ def _factor(left, right, system):
 
 @subroutine(**LEAN)
 def _resolve(left, right, system):
-    """Turn what is missing into changes of impulses."""
+    """Solve for the changes of impulses, from velocity errors, in place."""
     lines, factor = system.lines, system.factor
     for r in range(left, right):
         base, total = system.offset[r] - system.left[r], lines[r, _CHANGE]
@@ -634,7 +635,7 @@ def _resolve(left, right, system):
 
 @subroutine(**LEAN)
 def _keep_bounds(left, right, system, state):
-    """Bring impulses that would leave their bounds to them; return whether any would."""
+    """Clamp impulses that would leave their bounds; return whether there were any."""
     lines, found = system.lines, False
     for r in range(left, right):
         if system.takes_part[r]:
@@ -649,7 +650,7 @@ def _keep_bounds(left, right, system, state):
 
 @subroutine(**LEAN)
 def _tear(t, joints, system, time_step, state):
-    """Break a joint that would carry more than it can in a step; it carries that much."""
+    """Break a joint beyond its strength; its impulse of the step is limited to the strength."""
     if joints.broken[t]:
         return False
     lines, kept = system.lines, 1.0
@@ -670,7 +671,7 @@ def _tear(t, joints, system, time_step, state):
 
 @subroutine(**LEAN)
 def _impulses(t, system):
-    """Give the impulse and the moment of impulse of a joint in a substep, changes included."""
+    """Compute linear and angular impulse of a joint in a substep, pending changes included."""
     lines, pushed, turned = system.lines, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
     for r in range(system.begin[t], system.begin[t + 1]):
         along, impulse = three(lines, r, _ALONG), lines[r, _IMPULSE]
@@ -684,7 +685,7 @@ def _impulses(t, system):
 
 @subroutine(**LEAN)
 def add_up(own, joints, system, h):
-    """Add the impulses of a substep."""
+    """Add the impulses of a substep to the sums of the step."""
     for t in own:
         for r in range(system.begin[t], system.begin[t + 1]):
             system.lines[r, _CHANGE] = 0.0

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Manifolds: the few points at which two convex pieces touch, or will within a step."""
+"""Manifolds: the contact points of two convex pieces, within reach of a step."""
 
 import math
 
@@ -43,8 +43,9 @@ from procphys_ros.physics.rigid.vectors import (
 )
 
 MOST = 4  # points of two pieces
-_SQUARE = 0.94  # cosine of the angle up to which a face and an axis across edges are one
-_TILT = 0.03  # sine of the angle up to which what is round lies along a face, or another round one
+_SQUARE = 0.94  # least cosine between a face normal and an edge axis for face contact
+_TILT = 0.03  # sine of the largest angle between a round piece and a face or another round piece
+#               for contact along a line
 _ALONG = math.sqrt(1.0 - _TILT * _TILT)
 
 
@@ -54,7 +55,7 @@ def touch(p, q, pieces, margin, points, normal, work):
     Find the points at which two pieces touch.
 
     :param margin: largest gap that counts [m].
-    :param points: written, (MOST, 4): half-way between the surfaces, and gap [m].
+    :param points: written, (MOST, 4): points half-way between the surfaces, and gaps [m].
     :param normal: written, unit, from the second to the first, (3,).
     :param work: two polygons, (2, 16, 4).
     :returns: number of points.
@@ -97,7 +98,7 @@ def _of_solids(p, q, pieces, margin, points, normal, work):
 
 @subroutine(**LEAN)
 def _of_face(p, q, pieces, n, face, other, margin, points, work):
-    """Find the points of a face of one solid, the other's is `EDGE`, and what meets it."""
+    """Find the contact points of the reference face of one solid with the other solid."""
     if other == EDGE:
         met = _opposite(pieces.normals[q], scaled(-1.0, n))
         count = _clip(pieces.corners[p], face, scaled(-1.0, n), pieces.corners[q], met, margin,
@@ -111,9 +112,9 @@ def _of_face(p, q, pieces, n, face, other, margin, points, work):
 @subroutine(**LEAN)
 def _of_flat_edges(p, q, pieces, n, gap, margin, points, normal, work):
     """
-    Find the points of a face that is nearly square to the axis across two edges, if there is one.
+    Find the contact points of a face nearly normal to the axis of two edges, if there is one.
 
-    What lies across a narrow solid touches two of its edges: each alone lets it teeter.
+    A piece across a narrow solid touches two of its edges: on one alone it would teeter.
     """
     face, other = _opposite(pieces.normals[p], n), _opposite(pieces.normals[q], scaled(-1.0, n))
     one, two = scaled(-1.0, at(pieces.normals[p], face)), at(pieces.normals[q], other)
@@ -136,10 +137,10 @@ def _of_flat_edges(p, q, pieces, n, gap, margin, points, normal, work):
 @subroutine(**LEAN)
 def _of_edges(corners, edge, others, other, gap, points):
     """
-    Find the points of two edges that cross: where they are less than `SLOP` beside each other.
+    Find the contact points of two crossing edges: where they are less than `SLOP` apart.
 
-    Edges that are nearly parallel touch along a line: what lies on their crossing alone would
-    teeter, for that wanders along them with every small turn.
+    Nearly parallel edges touch along a line: on their crossing alone a piece would teeter, as
+    the crossing moves along the edges with every small rotation.
     """
     one, two = between_edges(corners, edge, others, other)
     middle = scaled(0.5, plus(one, 1.0, two))
@@ -164,7 +165,7 @@ def _of_edges(corners, edge, others, other, gap, points):
 
 @subroutine(**LEAN)
 def _opposite(normals, n):
-    """Give the face that looks against a direction most."""
+    """Return the face whose normal is most opposite to a direction."""
     best, face = np.inf, 0
     for f in range(6):
         along = dot(at(normals, f), n)
@@ -176,10 +177,10 @@ def _opposite(normals, n):
 @subroutine(**LEAN)
 def _clip(corners, face, n, others, met, margin, work):
     """
-    Cut the face of a solid that meets the face of another by what lies beside that.
+    Clip the incident face of a solid by the side planes of the reference face of another.
 
-    :param face, n: the other face and its normal.
-    :param met: what is cut.
+    :param face, n: reference face and its normal.
+    :param met: incident face.
     :param work: its first polygon becomes the points, as in `touch`.
     :returns: their number.
     """
@@ -206,7 +207,7 @@ def _clip(corners, face, n, others, met, margin, work):
 
 @subroutine(**LEAN)
 def _cut(polygon, count, outwards, corner, out):
-    """Keep what of a polygon lies behind a plane, and give the number of its corners."""
+    """Clip a polygon by a plane; return the number of its corners."""
     if count == 0:
         return 0
     kept, limit = 0, dot(outwards, corner)
@@ -227,7 +228,7 @@ def _cut(polygon, count, outwards, corner, out):
 
 @subroutine(**LEAN)
 def _choose(found, count, n, points):
-    """Keep at most four points: the deepest, the farthest from it, and the widest apart."""
+    """Keep at most four points: the deepest, the farthest from it, and the widest beside them."""
     if count <= MOST:
         for k in range(count):
             _write(points, k, at(found, k), found[k, 3])
@@ -260,7 +261,7 @@ def _choose(found, count, n, points):
 
 @subroutine(**LEAN)
 def _of_round(p, q, pieces, margin, points, normal):
-    """Find the points of what is round and of a solid."""
+    """Find the contact points of a round piece and a solid."""
     radius, corners, normals = pieces.radius[p], pieces.corners[q], pieces.normals[q]
     a, b = at(pieces.corners[p], 0), at(pieces.corners[p], 1)
     far, n, point, face = of_axis(a, b, corners, normals)
@@ -283,7 +284,7 @@ def _of_round(p, q, pieces, margin, points, normal):
 
 @subroutine(**LEAN)
 def _of_lying(a, b, radius, corners, face, n, margin, points):
-    """Find the two points of an axis that lies along a face."""
+    """Find the two contact points of a round piece that lies along a face."""
     first, last = 0.0, 1.0
     axis = less(b, a)
     for k in range(4):
@@ -332,7 +333,7 @@ def _of_two_round(p, q, pieces, margin, points, normal):
 
 @subroutine(**LEAN)
 def _of_parallel(a, u, c, d, n, radius, other, margin, points):
-    """Find the two ends of what two axes side by side share."""
+    """Find the contact points at both ends of the overlap of two parallel round pieces."""
     uu = dot(u, u)
     s, t = dot(u, less(c, a)) / uu, dot(u, less(d, a)) / uu
     first, last = max(min(s, t), 0.0), min(max(s, t), 1.0)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Pieces: collision shapes of bodies, where they are in the world."""
+"""Pieces: collision shapes of bodies in world coordinates."""
 
 import math
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from procphys_ros.physics.rigid.vectors import at, cross, INLINE, LEAN, length, 
 from procphys_ros.rotation_kernels import carried, matrix_rows
 
 ROUND, BOX, HEXAHEDRON = 0, 1, 2
-SLOP = 0.005  # [m] gap in which contacts are made beyond the way of one step
+SLOP = 0.005  # [m] gap in which contacts are created, beyond the motion of one step
 
 # Corners of a face, counterclockwise from outside: low and high along x, y, z.  Corner number i is
 # on the high side along x if i & 1, along y if i & 2, along z if i & 4.
@@ -39,19 +39,19 @@ class Pieces(NamedTuple):
     """
     Columns of collision shapes, a row each.
 
-    :ivar body: that it belongs to; -1 = it is gone, (P,).
+    :ivar body: body of the piece; -1 = removed, (P,).
     :ivar kind: `ROUND`, `BOX` or `HEXAHEDRON`, (P,).
     :ivar size: as in `Blueprint.size` [m], (P, 3).
     :ivar local: pose in the body's frame, (P, 7).
     :ivar cut: corners of hexahedra in the piece's frame [m], (P, 24).
     :ivar centre: world [m], (P, 3).
     :ivar axes: unit axes of boxes, world, a row each, (P, 3, 3).
-    :ivar corners: of boxes and hexahedra, and in the first two rows the ends of the axis of what
-        is round, world [m], (P, 8, 3).
+    :ivar corners: of boxes and hexahedra, and in the first two rows the ends of the axis of
+        round pieces, world [m], (P, 8, 3).
     :ivar normals: unit normals of their faces, outwards; zero where corners coincide, (P, 6, 3).
-    :ivar radius: of what is round; 0 for others [m], (P,).
-    :ivar reach: of the sphere about the centre that holds it [m], (P,).
-    :ivar bounds: of what it passes through in a step, three minima and three maxima [m], (P, 6).
+    :ivar radius: of round pieces; 0 for others [m], (P,).
+    :ivar reach: radius of the bounding sphere about the centre [m], (P,).
+    :ivar bounds: swept bounds of a step, three minima and three maxima [m], (P, 6).
     """
 
     body: np.ndarray
@@ -69,7 +69,7 @@ class Pieces(NamedTuple):
 
 
 def no_pieces(count: int) -> Pieces:
-    """Make room for pieces."""
+    """Allocate columns for pieces."""
     return Pieces(np.full(count, -1), np.zeros(count, np.int64), np.zeros((count, 3)),
                   np.zeros((count, 7)), np.zeros((count, 24)), np.zeros((count, 3)),
                   np.zeros((count, 3, 3)), np.zeros((count, 8, 3)), np.zeros((count, 6, 3)),
@@ -79,9 +79,9 @@ def no_pieces(count: int) -> Pieces:
 @kernel
 def place(rows, pieces, poses, velocities, time_step):
     """
-    Write where pieces are, and what they pass through in a step.
+    Write the world poses of pieces and their swept bounds in a step.
 
-    :param rows: which, (K,).
+    :param rows: rows of the pieces, (K,).
     :param poses: of bodies, (B, 7); `velocities` (B, 6) likewise.
     :param time_step: [s].
     """
@@ -146,7 +146,7 @@ def _face_normal(corners, f):
 
 @subroutine(**INLINE)
 def point_velocity(pose, velocity, point):
-    """Give the velocity of a point of a body, three numbers [m/s]."""
+    """Return the velocity of a point of a body, three numbers [m/s]."""
     x, y, z = point[0] - pose[0], point[1] - pose[1], point[2] - pose[2]
     return (velocity[0] + velocity[4] * z - velocity[5] * y,
             velocity[1] + velocity[5] * x - velocity[3] * z,
@@ -155,7 +155,7 @@ def point_velocity(pose, velocity, point):
 
 @subroutine(**INLINE)
 def spin_of(velocity):
-    """Give the angular speed of a body [rad/s]."""
+    """Return the angular speed of a body [rad/s]."""
     return math.sqrt(velocity[3] * velocity[3] + velocity[4] * velocity[4]
                      + velocity[5] * velocity[5])
 

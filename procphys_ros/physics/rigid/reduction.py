@@ -14,11 +14,10 @@
 
 
 """
-Contact reduction: of the points at which two bodies touch on one plane, only the outermost count.
+Contact reduction: keep only the outermost points of contacts of two bodies in one plane.
 
-Bodies of many pieces touch at dozens of points. What presses on a rigid face acts somewhere within
-the outline of these, and a solver that goes from point to point converges the slower the more of
-them share one force.
+Bodies of many pieces touch at dozens of points. The resultant on a rigid face acts within the
+outline of these, and an iterative solver converges more slowly the more points share one force.
 """
 
 import numpy as np
@@ -26,26 +25,27 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.rigid.vectors import at, cross, dot, LEAN, less, tangent
 
-_FEW = 4  # points of a plane that are all kept, as those of two pieces are
+_FEW = 4  # largest number of points of a plane without reduction, as of two pieces
 _FACING = 0.9998  # least cosine between normals of one plane: 1.1°
-_EVEN = 5e-4  # [m] by which gaps may differ from those of a plane: a tenth of the least gap seen
-_WAYS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]])  # and back: points
-#                  may be deepest, or outermost there: 90 % of the outline's area or more are left
-_DEEP = 10.0  # times as much as a point is deeper, it counts as further out
+_EVEN = 5e-4  # [m] tolerance of gaps of points in a plane: a tenth of the least gap detected
+_WAYS = np.array([[0.0, 0.0], [1.0, 0.0], [0.5, 0.5], [0.0, 1.0], [-0.5, 0.5]])  # and opposites:
+#                  directions of the deepest and outermost points; 90 % of the outline's area or
+#                  more remain
+_DEEP = 10.0  # weight of depth against distance along these directions
 
 
 @kernel
 def spanning(first, second, contacts):
     """
-    Choose the contact points that say how bodies touch.
+    Choose the contact points that span the contacts of bodies.
 
-    A point is left out where its gap is that of a plane through the points around it, or nearly:
-    it cannot press before those do. What pressed in the step before stays, as the solver starts
-    from there.
+    Points in the interior of a plane, whose gap is that of the plane through the points around
+    them, are left out: they cannot press before those do. Points with a force in the previous step
+    stay, for warm starting.
 
     :param first, second: rows of bodies, (C,).
     :param contacts: `ContactRows`.
-    :returns: rows of those chosen, (K,).
+    :returns: rows of the chosen points, (K,).
     """
     count = len(first)
     kept = np.ones(count, np.bool_)
@@ -64,7 +64,7 @@ def spanning(first, second, contacts):
 
 @subroutine(**LEAN)
 def _reduce(order, begin, end, contacts, plane, flat, kept):
-    """Leave out points of two bodies, plane by plane; `plane` and `flat` are room to work in."""
+    """Leave out points of two bodies, plane by plane; `plane` and `flat` are scratch."""
     for k in range(begin, end):
         seed = order[k]
         if plane[seed]:
@@ -86,7 +86,7 @@ def _reduce(order, begin, end, contacts, plane, flat, kept):
 
 @subroutine(**LEAN)
 def _leave_out(order, begin, end, number, plane, flat, kept):
-    """Leave out what is neither outermost in a plane nor off it, and does not press."""
+    """Leave out points without force that are neither outermost in a plane nor off it."""
     level, x_rise, y_rise = _fit(order, begin, end, number, plane, flat)
     for m in range(begin, end):
         c = order[m]
@@ -111,7 +111,7 @@ def _leave_out(order, begin, end, number, plane, flat, kept):
 
 @subroutine(**LEAN)
 def _fit(order, begin, end, number, plane, flat):
-    """Fit a plane to gaps by least squares: its level, and how it rises along two axes."""
+    """Fit a plane to gaps by least squares: its level, and its slopes along two axes."""
     n = x = y = g = xx = xy = yy = xg = yg = 0.0
     for m in range(begin, end):
         c = order[m]
@@ -123,7 +123,7 @@ def _fit(order, begin, end, number, plane, flat):
         if plane[c] == number:
             u, v, w = flat[c, 0] - x, flat[c, 1] - y, flat[c, 2] - g
             xx, xy, yy, xg, yg = xx + u * u, xy + u * v, yy + v * v, xg + u * w, yg + v * w
-    least = 1e-6 * (xx + yy) + 1e-12  # points on a line say nothing of what is across it
+    least = 1e-6 * (xx + yy) + 1e-12  # collinear points leave the slope across them undetermined
     xx, yy = xx + least, yy + least
     a, b = (xg * yy - yg * xy) / (xx * yy - xy * xy), (yg * xx - xg * xy) / (xx * yy - xy * xy)
     return g - a * x - b * y, a, b

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Separation: the axis along which two convex pieces are farthest apart, or least deep."""
+"""Separation: the axis of greatest separation, or least penetration, of two convex pieces."""
 
 import math
 
@@ -33,15 +33,15 @@ from procphys_ros.physics.rigid.vectors import (
     scaled,
 )
 
-EDGE = -1  # in the place of a face: two edges meet
-CLEARER = 0.001  # [m] by which two edges must be farther apart than faces, lest points jump
-_APART = (np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0)  # what is not found to touch
-_PARALLEL = 1e-3  # sine of the angle between edges that span no plane
+EDGE = -1  # in place of a face: contact of two edges
+CLEARER = 0.001  # [m] least advantage of edge axes over face axes, so that manifolds do not jump
+_APART = (np.inf, (0.0, 0.0, 1.0), EDGE, EDGE, 0, 0)  # result for separate pieces
+_PARALLEL = 1e-3  # sine of the angle between edges that count as parallel
 
 
 @subroutine(**LEAN)
 def middle_of(corners, f):
-    """Give the mean of the corners of a face: a point in it, whether it is flat or not."""
+    """Return the mean of the corners of a face, flat or not."""
     a, b, c, d = (at(corners, FACES[f, 0]), at(corners, FACES[f, 1]), at(corners, FACES[f, 2]),
                   at(corners, FACES[f, 3]))
     return (0.25 * (a[0] + b[0] + c[0] + d[0]), 0.25 * (a[1] + b[1] + c[1] + d[1]),
@@ -50,7 +50,7 @@ def middle_of(corners, f):
 
 @subroutine(**INLINE)
 def _least_along(corners, n):
-    """Give how far the corners reach against a direction: the least of their shadows."""
+    """Return the least projection of the corners on a direction."""
     least = np.inf
     for c in range(8):
         least = min(least, dot(at(corners, c), n))
@@ -59,7 +59,7 @@ def _least_along(corners, n):
 
 @subroutine(**LEAN)
 def _deepest_face(corners, normals, others):
-    """Give the face that keeps the other solid farthest away, and how far."""
+    """Return the greatest separation of another solid along a face normal, and this face."""
     best, face = -np.inf, 0
     for f in range(6):
         n = at(normals, f)
@@ -74,9 +74,9 @@ def _deepest_face(corners, normals, others):
 @subroutine(**INLINE)
 def _edge_axis(corners, others, e, k):
     """
-    Give the gap along the axis across two edges, and the axis, from the second to the first.
+    Return the gap along the axis normal to two edges, and the axis, from the second to the first.
 
-    :returns: -inf where the edges are parallel or of no length.
+    :returns: -inf where the edges are parallel or of zero length.
     """
     u, v = _edge(corners, e), _edge(others, k)
     if _are_parallel(u, v):
@@ -136,8 +136,8 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
     """
     Find the axis of least overlap of two convex hexahedra.
 
-    :returns: gap [m], unit normal from the second to the first, face of the first that makes it
-        or `EDGE`, face of the second or `EDGE`, and the two edges, where no face does.
+    :returns: gap [m], unit normal from the second to the first, reference face of the first
+        or `EDGE`, reference face of the second or `EDGE`, and the two edges, if both are `EDGE`.
     """
     gap, face = _deepest_face(corners, normals, others)
     other_gap, other_face = _deepest_face(others, other_normals, corners)
@@ -164,9 +164,10 @@ def of_hexahedra(corners, normals, others, other_normals, margin):
 @subroutine(**INLINE)
 def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosines):
     """
-    Find the same for two boxes, from their axes alone (Gottschalk 1996, "OBBTree").
+    Find the axis of least overlap of two boxes, from their axes (Gottschalk 1996, "OBBTree").
 
-    :param cosines: between their axes, to be written, (3, 3).
+    :param cosines: between their axes, written, (3, 3).
+    :returns: see `of_hexahedra`.
     """
     way = less(centre, other_centre)
     best, which = -np.inf, 0
@@ -196,7 +197,7 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
         return (edge, normal, EDGE, EDGE, _edge_towards(i, turn, scaled(-1.0, normal)),
                 _edge_towards(j, other, normal))
     n = at(turn, which) if which < 3 else at(other, which - 3)
-    side = 1 if dot(way, n) > 0.0 else 0  # of the second the first lies on
+    side = 1 if dot(way, n) > 0.0 else 0  # of the second box that the first lies on
     normal = n if side == 1 else scaled(-1.0, n)
     if which < 3:
         return best, normal, 2 * which + 1 - side, EDGE, 0, 0
@@ -205,7 +206,7 @@ def of_boxes(centre, other_centre, size, other_size, turn, other, margin, cosine
 
 @subroutine(**LEAN)
 def _widest_edges(way, size, other_size, turn, other, cosines):
-    """Give the widest gap across an edge of each box, and the axes of these."""
+    """Return the widest gap along an axis normal to an edge of each box, and the edges' axes."""
     best, first, second = -np.inf, 0, 0
     for i in range(3):
         i1, i2 = (i + 1) % 3, (i + 2) % 3
@@ -227,7 +228,7 @@ def _widest_edges(way, size, other_size, turn, other, cosines):
 
 @subroutine(**LEAN)
 def _edge_towards(axis, turn, n):
-    """Give the edge of a box along an axis that lies farthest in a direction."""
+    """Return the edge of a box along an axis that lies farthest in a direction."""
     one, two = (axis + 1) % 3, (axis + 2) % 3
     corner = ((1 << one) if dot(at(turn, one), n) > 0.0 else 0) | (
         (1 << two) if dot(at(turn, two), n) > 0.0 else 0)
@@ -295,7 +296,7 @@ def in_face(corners, f, n, point):
 
 @subroutine(**LEAN)
 def _enters(a, b, corners, normals):
-    """Return whether any of a segment is inside a solid: what all its faces leave of it."""
+    """Return whether a segment intersects a solid, by clipping with all faces."""
     first, last = 0.0, 1.0
     for f in range(6):
         n, middle = at(normals, f), middle_of(corners, f)
@@ -312,11 +313,11 @@ def _enters(a, b, corners, normals):
 @subroutine(**LEAN)
 def of_axis(a, b, corners, normals):
     """
-    Find the least distance of the axis of what is round from a solid.
+    Find the least distance of the axis of a round piece from a solid.
 
     :param a, b: ends of the axis.
     :returns: distance [m], negative inside; unit normal from the solid to the axis; point on
-        the solid; face that is nearest, `EDGE` = an edge or a corner.
+        the solid; nearest face, `EDGE` = an edge or a corner.
     """
     gap, face = -np.inf, 0
     for f in range(6):

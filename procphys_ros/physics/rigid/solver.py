@@ -14,13 +14,14 @@
 
 
 """
-Solver: impulses at contacts, island by island, in substeps.
+Solver: contact impulses, island by island, in substeps.
 
-Each substep applies gravity, starts from the impulses of the one before, solves with contacts that
-give way a little and take overlaps back, up and down in turn, moves, and solves again without,
-upwards, so that nothing of that stays as speed (Catto 2024, "Solver2D": soft step with relaxation;
-Macklin et al. 2019, "Small steps in physics simulation"). Friction is a cone, and brings what
-sticks back to where it stuck, as contacts of grains have springs (Cundall and Strack 1979).
+Each substep applies gravity, warm starts from the impulses of the previous one, solves soft
+contacts that correct overlaps, alternately upwards and downwards, moves bodies, and relaxes
+upwards without softness or correction, which removes the speed of the correction (Catto 2024,
+"Solver2D": soft step with relaxation; Macklin et al. 2019, "Small steps in physics simulation").
+Friction is a cone, with tangential springs to the point of sticking as in granular mechanics
+(Cundall and Strack 1979).
 """
 
 import math
@@ -61,33 +62,33 @@ from procphys_ros.physics.rigid.vectors import (
 )
 from procphys_ros.rotation_kernels import matrix_rows
 
-_PUSH = 0.3  # [m/s] at most at which overlaps are taken back: what is wedged in is not thrown out
-_RECOVERY = 30.0  # [1/s] at which overlaps and what has crept are taken back: large heaps tremble
-#                   for ever at four times that
-_GIVES = 0.006  # of what presses, by which a contact gives way, so that what is wedged lets its
-#                 stresses go (box2d's soft contacts); at most as fast as its overlap is taken back
-#                 or a body falls in a substep, or light ones would sink in under heavy ones
-ROLLING = 0.008  # [m] lever arm of the contact force of what rolls: hard balls on firm soil ...
-MOST_ROLLING = 0.1  # ... and at most this share of the radius, or pebbles would slide
-_BOUNCE = 0.05  # [m/s] of approach below which nothing bounces: 0.1 mm of height
-_WORK = 12_000_000  # [1/s] contacts solved per island: what a stack needs, a heap cannot have
-_LEAST_PASSES = 2  # pairs, without which large heaps tremble, and never sleep
-_COARSE = 480.0  # [1/s] substeps of an island at least; so many leave 0.5 mm of overlap in a heap
-_FINER = 4  # times as many at most
-_MOST_PASSES = 16  # pairs: what lands flat on many corners needs them, what rests one pass
-_CALM = 1e-4  # [m/s] of change by a pass, at which it is the last
-_MOST_TURNS = 64  # in a substep, at most
-_LITTLE = 1e-3  # [rad] up to which the second power of a turn tells all of it, to one in 1e9
-_NOTICED = 0.01  # [rad] in a substep from which arms and inertia of the step's start will not do
-_TURN = 0.05  # [rad] at once, so that spins keep their energy
+_PUSH = 0.3  # [m/s] largest speed of overlap correction, so that wedged bodies are not thrown out
+_RECOVERY = 30.0  # [1/s] correction rate of overlap and tangential creep: at four times this large
+#                   heaps jitter permanently
+_GIVES = 0.006  # softness: relative decay of the contact force, so that wedged bodies lose their
+#                 stresses (box2d's soft contacts); at most as fast as overlap is corrected or a
+#                 body falls in a substep, as light bodies would sink in under heavy ones
+ROLLING = 0.008  # [m] lever arm of rolling resistance: hard balls on firm soil ...
+MOST_ROLLING = 0.1  # ... and its largest share of the radius, as pebbles would slide beyond
+_BOUNCE = 0.05  # [m/s] least approach speed of a bounce: 0.1 mm of height
+_WORK = 12_000_000  # [1/s] budget of contacts solved per island: enough for a stack, not a heap
+_LEAST_PASSES = 2  # pairs, without which large heaps jitter and never sleep
+_COARSE = 480.0  # [1/s] least rate of substeps; it leaves 0.5 mm of overlap in a heap
+_FINER = 4  # largest multiple of that rate
+_MOST_PASSES = 16  # pairs: landing flat on many corners needs them, rest takes one pass
+_CALM = 1e-4  # [m/s] change of speed by a pass at which passes end
+_MOST_TURNS = 64  # largest number of rotations in a substep
+_LITTLE = 1e-3  # [rad] largest rotation taken to second order, exact to one in 1e9
+_NOTICED = 0.01  # [rad] least rotation in a substep that requires an update of arms and inertia
+_TURN = 0.05  # [rad] largest single rotation, so that the rotational energy is conserved
 _HALVINGS = 60  # of the range of energies: to the last bit
-_RATIO = 3.0  # of what lies on a body to its inertia at most: for few passes to be enough
+_RATIO = 3.0  # largest ratio of the load on a body to its inertia: for few passes to suffice
 
-# A row per contact: normal, a tangent, arms of both bodies, masses along normal, tangent and the
-# third axis, speed along the last two by a unit impulse along the normal, impulses of the present
-# substep, gap as bodies have moved so far, friction, sums of impulses over the step, the place on
-# both bodies before the step as far as it turns with them, the gap then, and the impulse along the
-# normal of the substep before.
+# A row per contact: normal, a tangent, arms of both bodies, effective masses along normal, tangent
+# and bitangent, speed along the last two by a unit impulse along the normal, impulses of the
+# present substep, present gap, friction, sums of impulses over the step, the point that rotates
+# with each body at the start of the step, the gap then, the normal impulse of the previous substep,
+# shift and anchor of friction, lever arm and angular impulse of rolling resistance.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
 _SHIFT, _ANCHOR, _LEVER, _ROLLED = 33, 35, 37, 38
@@ -96,7 +97,7 @@ _CONTACT = 41
 
 class MovingBodies(NamedTuple):
     """
-    Columns of what moves: first bodies that move freely, then kinematic ones.
+    Columns of moving bodies: first those that move freely, then kinematic ones.
 
     :ivar mass: [kg]; inf = kinematic, (N,).
     :ivar inertia: principal moments [kg·m²], (N, 3).
@@ -116,18 +117,19 @@ def solve(bodies, free, first, second, contacts, friction, restitution, joints, 
     """
     Move the bodies of islands by a step under gravity and contacts.
 
-    Writes poses, velocities, and the forces of contacts.
+    Write poses, velocities, and the forces of contacts.
 
-    :param bodies: the last row stands for all that is immovable.
+    :param bodies: the last row stands for all immovable bodies.
     :param free: number of bodies that move freely.
     :param first, second: rows of bodies, (C,).
-    :param contacts: their forces of the step before become those at the end of this one.
-    :param friction, restitution: of bodies by id; the geometric mean of two counts, (B,).
-    :param joints: of these islands, between rows of bodies; ways, forces and moments are written.
-    :param islands: `Islands`; what is in others does not matter.
+    :param contacts: their forces of the previous step become those at the end of this one.
+    :param friction, restitution: of bodies by id, combined by the geometric mean, (B,).
+    :param joints: of these islands, between rows of bodies; displacements, forces and moments are
+        written.
+    :param islands: `Islands`; others are ignored.
     :param gravity: [m/s²], (3,).
     :param time_step: [s].
-    :returns: contacts of the islands as `Engine.contacts` gives them, (C, 13).
+    :returns: contacts of the islands as of `Engine.contacts`, (C, 13).
     """
     own, order, start = islands.bodies, islands.contacts, islands.contact_start
     state, rows = _states(bodies, own, free), np.empty((len(order), _CONTACT))
@@ -167,7 +169,7 @@ def solve(bodies, free, first, second, contacts, friction, restitution, joints, 
 
 @kernel
 def follow(bodies, free, time_step):
-    """Move kinematic bodies by a step [s]; they are behind those that move freely."""
+    """Move kinematic bodies by a step [s]; their rows follow those that move freely."""
     for i in range(free, len(bodies.mass)):
         _follow(i, bodies, time_step)
 
@@ -175,9 +177,9 @@ def follow(bodies, free, time_step):
 @kernel
 def efforts(contacts, time_step):
     """
-    Give how often contacts of islands are solved in a step at most, (I,).
+    Estimate the largest number of contact solves of islands in a step, (I,).
 
-    :param contacts: of each island, (I,).
+    :param contacts: number of contacts of each island, (I,).
     :param time_step: [s].
     """
     out = np.empty(len(contacts))
@@ -189,7 +191,7 @@ def efforts(contacts, time_step):
 
 @subroutine
 def _states(bodies, own, free):
-    """Lay out what moves, a row per body; those of other islands stay empty."""
+    """Build the rows of moving bodies; rows of other islands stay empty."""
     state = np.zeros((len(bodies.mass), BODY))
     for n in range(len(own) + len(state) - free):
         i = own[n] if n < len(own) else free + n - len(own)
@@ -204,19 +206,19 @@ def _states(bodies, own, free):
 @subroutine
 def _brace(own, free, bodies, gained, ends, state, rows):
     """
-    Give more inertia against the vertical to what lies under far more mass; its weight stays.
+    Raise the inertia against vertical motion of bodies under far more mass; weights stay.
 
-    What comes to rest on light bodies gives them its momentum, and in a pass no more than they can
-    have. As they cannot go anywhere, their own inertia matters little ("mass scaling" of stacks in
-    Macklin et al. 2014, "Unified particle physics for real-time applications"). What moves gets no
-    more momentum by that than the weight upon it gives anyway.
+    A pass transfers momentum from a load to a light body under it only as far as the light body
+    can take it up. As that body is held from below, its own inertia matters little ("mass scaling"
+    of stacks in Macklin et al. 2014, "Unified particle physics for real-time applications").
+    The momentum that moving bodies gain by this is at most the impulse of the weight on them.
 
-    :param gained: speed that gravity gives in the step [m/s].
+    :param gained: speed gained by gravity in the step [m/s].
     """
     load = _loads(free, bodies.pose, ends, state, rows)
     for i in own:
         mass, spin = bodies.mass[i], three(state, i, SPIN)
-        arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)  # right to 1.4
+        arm = math.sqrt(max(bodies.inertia[i, 0], bodies.inertia[i, 1]) / mass)  # within 1.4
         speed = abs(state[i, 2]) + arm * length(spin)
         more = max(load[i] / _RATIO - mass, 0.0)
         if speed * more > gained * load[i]:
@@ -226,7 +228,7 @@ def _brace(own, free, bodies, gained, ends, state, rows):
 
 @subroutine
 def _loads(free, pose, ends, state, rows):
-    """Give how much mass lies on bodies that lie on something themselves [kg], (N,)."""
+    """Compute the mass that rests on bodies that are supported themselves [kg], (N,)."""
     firm, steepness, load = np.zeros(len(state), np.bool_), np.zeros(free), np.zeros(free)
     firm[free:] = True
     for r in range(len(ends)):
@@ -240,7 +242,7 @@ def _loads(free, pose, ends, state, rows):
         upper, lower = ends[r, 0 if steep > 0.0 else 1], ends[r, 1 if steep > 0.0 else 0]
         if max(upper, lower) >= free or steep == 0.0 or not firm[lower]:
             continue
-        if pose[upper, 2] > pose[lower, 2]:  # teeth that mesh are no pile
+        if pose[upper, 2] > pose[lower, 2]:  # interlocking bodies are not a pile
             above = 1.0 / state[upper, LIGHT] + load[upper]
             load[lower] += steep * steep / steepness[upper] * above
     return load
@@ -248,7 +250,7 @@ def _loads(free, pose, ends, state, rows):
 
 @subroutine(**LEAN)
 def _follow(i, bodies, time_step):
-    """Move a kinematic body."""
+    """Move a kinematic body by a step."""
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
     q = rotated(q, three(bodies.velocity, i, 3), time_step)
     for w in range(3):
@@ -259,7 +261,7 @@ def _follow(i, bodies, time_step):
 
 @subroutine(**LEAN)
 def _ease(i, bodies, state):
-    """Write the inverse of a body's inertia in the world."""
+    """Write the inverse inertia of a body in world axes."""
     x, y, z = matrix_rows(bodies.pose[i, 3:])
     a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
     u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
@@ -316,7 +318,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
 
 @subroutine(**LEAN)
 def _motion(i, faster, bodies, state):
-    """Give the energy of a body's motion [J], if its middle were so much faster [m/s]."""
+    """Compute the kinetic energy of a body [J], its centre moving faster by a margin [m/s]."""
     along, spin = length(three(state, i, SPEED)) + faster, three(state, i, SPIN)
     q = (bodies.pose[i, 3], bodies.pose[i, 4], bodies.pose[i, 5], bodies.pose[i, 6])
     turning = dot(spin, _stretched(q, at(bodies.inertia, i), spin))
@@ -325,7 +327,7 @@ def _motion(i, faster, bodies, state):
 
 @subroutine(**LEAN)
 def _energy(own, faster, bodies, state):
-    """Give the energy of motion of an island [J], if all of it were so much faster [m/s]."""
+    """Compute the kinetic energy of an island [J], its bodies moving faster by a margin [m/s]."""
     total = 0.0
     for i in own:
         total += _motion(i, faster, bodies, state)
@@ -335,9 +337,9 @@ def _energy(own, faster, bodies, state):
 @subroutine(**LEAN)
 def _restrain(own, most, bodies, state):
     """
-    Brake the fastest of an island until it has no more energy than it had.
+    Slow down the fastest bodies of an island until its kinetic energy is at most the limit.
 
-    What few passes leave over between a gram and tonnes is little for tonnes, and much for a gram:
+    The residual of few passes between a gram and tonnes is small for tonnes, but large for a gram:
     17 kJ where a ball ran over a twig with 1 kJ.
     """
     if _energy(own, 0.0, bodies, state) <= most:
@@ -360,7 +362,7 @@ def _restrain(own, most, bodies, state):
 
 @subroutine(**LEAN)
 def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
-    """Work out inertia and arms anew: of all that turns noticeably in a substep, or of all."""
+    """Update inertia and arms of bodies that rotate noticeably in a substep, or of all."""
     least = 0.0 if fine else _NOTICED / h
     for i in own:
         spin = three(state, i, SPIN)
@@ -374,7 +376,7 @@ def _aim_anew(own, contacts, fine, bodies, ends, radius, order, h, state, rows):
 
 @subroutine(**LEAN)
 def _pace(contacts, time_step):
-    """Choose substeps of an island, and passes at most: as many before as after bodies move."""
+    """Choose substeps and largest number of passes, before and after bodies move, of an island."""
     if contacts == 0:
         return 1, 0, False
     coarse = max(int(time_step * _COARSE + 0.5), 1)
@@ -387,7 +389,7 @@ def _pace(contacts, time_step):
 
 @subroutine(**LEAN)
 def _drive(i, gravity, h, state):
-    """Let gravity act for a substep."""
+    """Apply gravity to a body for a substep."""
     for w in range(6):
         if w < 3:
             state[i, w] += gravity[w] * h * (state[i, OWN] if w == 2 else 1.0)
@@ -396,7 +398,7 @@ def _drive(i, gravity, h, state):
 
 @subroutine(**LEAN)
 def _carry(count, time, state):
-    """Write how far kinematic bodies have come."""
+    """Write the displacements of kinematic bodies since the start of the step."""
     for i in range(count, len(state)):
         for w in range(6):
             state[i, WAY + w] = time * state[i, w]
@@ -406,9 +408,9 @@ def _carry(count, time, state):
 @subroutine(**LEAN)
 def _place(r, c, bodies, ends, contacts, rows):
     """
-    Write where a contact is, seen from the centres of both bodies; balls roll under it.
+    Write the arms of a contact from both bodies; round pieces roll under it.
 
-    So nothing tells how far friction has let them creep, and they hold on to no place.
+    Rolling contacts have no point of sticking, as their creep by friction is not tracked.
     """
     n, point = at(contacts.normal, c), at(contacts.point, c)
     put(rows, r, _NORMAL, n)
@@ -431,10 +433,10 @@ def _place(r, c, bodies, ends, contacts, rows):
 @subroutine(**LEAN)
 def _aim(r, ends, radius, order, state, duration, rows):
     """
-    Write arms of a contact, and what impulses give.
+    Write arms and effective masses of a contact.
 
-    Arms are those of the middle of a time to come: a block that rocks would lose energy with those
-    of its beginning.
+    Arms are those at the middle of the coming interval: with those at its start a rocking block
+    would lose energy.
     """
     n, t = three(rows, r, _NORMAL), three(rows, r, _TANGENT)
     b = cross(n, t)
@@ -459,7 +461,7 @@ def _aim(r, ends, radius, order, state, duration, rows):
 
 @subroutine(**INLINE)
 def _start(r, c, force, h, rows):
-    """Write the impulses that the first substep starts from."""
+    """Write the warm-start impulses of the first substep."""
     n, t, pressed = three(rows, r, _NORMAL), three(rows, r, _TANGENT), three(force, c, 1)
     put(rows, r, _PUSHED, (h * force[c, 0], h * dot(pressed, t), h * dot(pressed, cross(n, t))))
     rows[r, _LAST] = rows[r, _PUSHED]
@@ -468,9 +470,9 @@ def _start(r, c, force, h, rows):
 @subroutine(**LEAN)
 def _bend(i, state):
     """
-    Write the matrix by which points of a body have moved as it turned.
+    Write the matrix of the displacement of points by the rotation of a body.
 
-    What has turned far stays as large as it is: the second power alone would stretch its arms.
+    Large rotations are exact, as the second-order formula would stretch the arms.
     """
     x, y, z = three(state, i, TURNED)
     if x * x + y * y + z * z > _NOTICED * _NOTICED:
@@ -486,14 +488,14 @@ def _bend(i, state):
 
 @subroutine(**INLINE)
 def _bent(place, state, i):
-    """Give how far a point has turned about a body's centre."""
+    """Compute the displacement of a point by the rotation about the body's centre."""
     return (dot(three(state, i, BEND), place), dot(three(state, i, BEND + 3), place),
             dot(three(state, i, BEND + 6), place))
 
 
 @subroutine(**INLINE)
 def _turned_on(place, state, i, duration):
-    """Turn a place about a body's centre by its spin, for a while; it stays as far away."""
+    """Rotate an arm by a body's angular velocity over a duration, keeping its length."""
     turn = scaled(duration, three(state, i, SPIN))
     way = cross(turn, place)
     if dot(turn, turn) < _LITTLE * _LITTLE:
@@ -504,7 +506,7 @@ def _turned_on(place, state, i, duration):
 
 @subroutine(**INLINE)
 def _slip(state, i, j, arm, other, column):
-    """Give the velocity of the first body's point against the second's."""
+    """Return the velocity of the first body's point relative to the second's."""
     one = plus(three(state, i, column), 1.0, cross(three(state, i, column + 3), arm))
     two = plus(three(state, j, column), 1.0, cross(three(state, j, column + 3), other))
     return less(one, two)
@@ -523,14 +525,14 @@ def _push(state, i, j, arm, other, impulse):
 
 @subroutine(**INLINE)
 def _along(rows, r, pushed):
-    """Express an impulse along normal and tangents in the world."""
+    """Convert an impulse along normal and tangents to world axes."""
     n, t = three(rows, r, _NORMAL), three(rows, r, _TANGENT)
     return plus(plus(scaled(pushed[0], n), pushed[1], t), pushed[2], cross(n, t))
 
 
 @subroutine(**LEAN)
 def _note_approach(contacts, ends, state, rows, elastic):
-    """Note how fast bodies approach, but for the impulses between them."""
+    """Record the approach speeds of contacts before their impulses."""
     for r in contacts:
         slip = _slip(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
                      FREE)
@@ -540,12 +542,12 @@ def _note_approach(contacts, ends, state, rows, elastic):
 @subroutine(**LEAN)
 def _begin(contacts, ends, state, rows, fall):
     """
-    Start from the impulses before, of which those of blows are over.
+    Warm start from the previous impulses, without those of impacts.
 
-    What presses grows in a substep by no more than what it presses on weighs; blows do, and would
-    throw bodies if they began again.
+    Resting forces grow in a substep by at most the weight of the bodies; impulses of impacts
+    exceed this, and would throw bodies if they were applied again.
 
-    :param fall: speed that gravity gives in a substep [m/s].
+    :param fall: speed gained by gravity in a substep [m/s].
     """
     for r in contacts:
         lasting = _lasting(r, rows, fall)
@@ -565,13 +567,13 @@ def _begin(contacts, ends, state, rows, fall):
 
 @subroutine(**INLINE)
 def _lasting(r, rows, fall):
-    """Give what a contact pressed with in the last substep, but for a blow."""
+    """Return the normal impulse of a contact in the last substep, without impacts."""
     return min(rows[r, _PUSHED], rows[r, _LAST] + rows[r, _MASS] * fall)
 
 
 @subroutine(**INLINE)
 def _follow_point(r, i, j, state, rows):
-    """Write gap and shift after bodies have moved, right to the second power of their turns."""
+    """Write gap and shift after bodies have moved, to second order of their rotations."""
     one, two = three(rows, r, _PLACE), three(rows, r, _OTHER_PLACE)
     one = plus(three(state, i, WAY), 1.0, _bent(one, state, i))
     two = plus(three(state, j, WAY), 1.0, _bent(two, state, j))
@@ -584,7 +586,7 @@ def _follow_point(r, i, j, state, rows):
 
 @subroutine(**INLINE)
 def _let_go(r, rows):
-    """Let what slides, or does not touch, take hold where it is."""
+    """Move the anchor of a sliding or open contact to its present position."""
     for k in range(2):
         rows[r, _ANCHOR + k] -= rows[r, _SHIFT + k]
         rows[r, _SHIFT + k] = 0.0
@@ -592,7 +594,7 @@ def _let_go(r, rows):
 
 @subroutine(**LEAN)
 def _bounce(contacts, ends, state, rows, elastic):
-    """Throw back what has struck."""
+    """Apply restitution to contacts of impacts."""
     for r in contacts:
         before = rows[r, _PUSHED]
         if elastic[r, 0] == 0.0 or before == 0.0 or elastic[r, 1] > -_BOUNCE:
@@ -607,10 +609,11 @@ def _bounce(contacts, ends, state, rows, elastic):
 @subroutine(**LEAN)
 def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, pace, moved):
     """
-    Solve an island until nothing changes any more, or as often as it may be.
+    Solve an island in passes until velocities converge, or the limit is reached.
 
-    :param pace: length of a substep [s], speed up to which contacts give way [m/s], and rate at
-        which overlaps are taken back; 0 = bodies have moved, and speeds are to fit [1/s].
+    :param most: largest number of passes.
+    :param pace: length of a substep [s], largest yielding speed of soft contacts [m/s], and
+        correction rate of overlaps; 0 = relaxation after bodies have moved [1/s].
     """
     h, _, rate = pace
     for k in range(most):
@@ -634,7 +637,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
             _follow_point(r, i, j, state, rows)
         gap, before = rows[r, _GAP], rows[r, _PUSHED]
         if rate == 0.0 and gap > 0.0 and before == 0.0:
-            continue  # what has not struck yet is stopped in the substep in which it does
+            continue  # open contacts are stopped in the substep in which they close
         bias = often * gap if gap > 0.0 else max(rate * gap, -_PUSH)
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
         slip = _slip(state, i, j, arm, other, SPEED)
@@ -657,7 +660,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
 
 @subroutine(**LEAN)
 def _resist_rolling(r, i, j, pressed, state, rows):
-    """Brake what rolls or spins: by the moment of what presses, at a lever arm, at most."""
+    """Slow down rolling and spinning, by at most the moment of the normal force at a lever arm."""
     before = three(rows, r, _ROLLED)
     spin = less(three(state, i, SPIN), three(state, j, SPIN))
     now, size, most = before, length(spin), rows[r, _LEVER] * pressed
@@ -674,7 +677,7 @@ def _resist_rolling(r, i, j, pressed, state, rows):
 
 @subroutine(**INLINE)
 def _turn_by(i, j, moment, state):
-    """Apply a moment to the first body, and its opposite to the second."""
+    """Apply an angular impulse to the first body, and its opposite to the second."""
     put(state, i, SPIN, plus(three(state, i, SPIN), 1.0, eased(state, i, moment)))
     if state[j, LIGHT] > 0.0:
         put(state, j, SPIN, plus(three(state, j, SPIN), -1.0, eased(state, j, moment)))
@@ -682,7 +685,7 @@ def _turn_by(i, j, moment, state):
 
 @subroutine(**INLINE)
 def _rub(rows, r, slip, pressed, change, rate):
-    """Give the change of friction, after one of the impulse along the normal."""
+    """Compute the change of the friction impulse after one of the normal impulse."""
     t = three(rows, r, _TANGENT)
     b = cross(three(rows, r, _NORMAL), t)
     one, two = rows[r, _PUSHED + 1], rows[r, _PUSHED + 2]
@@ -701,9 +704,9 @@ def _rub(rows, r, slip, pressed, change, rate):
 @subroutine(**LEAN)
 def _advance(i, bodies, gravity, h, flies, state):
     """
-    Move a body, and turn it so that its angular momentum stays.
+    Move a body, and rotate it so that its angular momentum is conserved.
 
-    What touches nothing keeps to its parabola.
+    Bodies without contact follow their parabola exactly.
     """
     for w in range(3):
         way = h * state[i, w] - (0.5 * h * h * gravity[w] if flies else 0.0)
@@ -732,11 +735,11 @@ def _advance(i, bodies, gravity, h, flies, state):
 @subroutine(**LEAN)
 def _turned_freely(q, inertia, momentum, h):
     """
-    Turn an attitude as a body does on which no moment acts; give it and the way [rad].
+    Rotate an attitude as a torque-free body does; return it and the rotation [rad].
 
-    The energy is that of a ball with the middle moment of inertia, and what the two other axes
-    have beside it: each part alone turns the body at a constant rate, about its momentum or an
-    axis of its own. Midpoints of the spin, which thin rods make stiff, would run away.
+    The energy is split into that of a ball with the middle moment of inertia and the differences
+    of the two other axes: each part alone rotates the body at a constant rate, about its angular
+    momentum or a principal axis. The midpoint rule, stiff for thin rods, would diverge.
     """
     middle = _middle(inertia)
     ease = 1.0 / inertia[middle]
@@ -755,8 +758,8 @@ def _turned_freely(q, inertia, momentum, h):
 
 @subroutine(**INLINE)
 def _middle(values):
-    """Say which of three values lies between the others."""
-    a, b, c = values[0], values[1], values[2]  # of which two may be equal
+    """Return the index of the middle one of three values."""
+    a, b, c = values[0], values[1], values[2]  # two of them may be equal
     if min(a, b) <= c <= max(a, b):
         return 2
     return 1 if min(a, c) <= b <= max(a, c) else 0
@@ -764,7 +767,7 @@ def _middle(values):
 
 @subroutine(**INLINE)
 def _stretched(q, factors, v):
-    """Multiply a vector along the axes of an attitude with a factor each."""
+    """Scale a vector along each axis of an attitude by a factor."""
     x, y, z = matrix_rows(q)
     a = (x[0] * v[0] + y[0] * v[1] + z[0] * v[2]) * factors[0]
     b = (x[1] * v[0] + y[1] * v[1] + z[1] * v[2]) * factors[1]
@@ -775,7 +778,7 @@ def _stretched(q, factors, v):
 
 @subroutine(**LEAN)
 def _add_up(contacts, rows, spots):
-    """Add the impulses of a substep, and where they acted."""
+    """Add the impulses of a substep, and their moments about the first body's centre."""
     for r in contacts:
         if rows[r, _PUSHED] > 0.0:
             for k in range(3):
@@ -785,7 +788,7 @@ def _add_up(contacts, rows, spots):
 
 @subroutine(**LEAN)
 def _keep_forces(contacts, order, rows, h, fall, force, shift):
-    """Write what the next step starts from."""
+    """Write forces and shifts for the warm start of the next step."""
     for r in contacts:
         c, pushed = order[r], three(rows, r, _PUSHED)
         if pushed[0] > 0.0:
@@ -801,7 +804,7 @@ def _keep_forces(contacts, order, rows, h, fall, force, shift):
 
 @subroutine(**LEAN)
 def _tell(r, c, pose, first, contacts, told):
-    """Write what a contact is: bodies, the first one's centre, normal and gap."""
+    """Write bodies, centre of the first one, normal and gap of a contact."""
     told[r, 0], told[r, 1], told[r, 8] = contacts.first[c], contacts.second[c], contacts.gap[c]
     put(told, r, 2, at(pose, first))
     put(told, r, 5, at(contacts.normal, c))
@@ -809,7 +812,7 @@ def _tell(r, c, pose, first, contacts, told):
 
 @subroutine(**LEAN)
 def _tell_impulses(rows, spots, time_step, told):
-    """Write where contacts acted in the mean, and their forces, world and along the normal."""
+    """Write mean points of contacts, and their forces, world and along the normal."""
     for r in range(len(rows)):
         pressed, spot = rows[r, _SUM], three(rows, r, _ARM)
         if pressed > 0.0:

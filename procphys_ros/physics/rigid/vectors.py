@@ -13,14 +13,14 @@
 # limitations under the License.
 
 
-"""Vectors of three numbers inside kernels, as tuples that need no memory."""
+"""Vectors of three numbers inside kernels, as tuples without allocation."""
 
 import math
 
 from procphys_ros.compilation import subroutine
 
-# Without counts of references, which cost an atomic instruction per array and call, and more time
-# than what is worked out. What has these options cannot allocate.
+# No reference counting, which costs an atomic instruction per array and call, more time than the
+# computation. Functions with these options cannot allocate.
 LEAN = {'_nrt': False}
 INLINE = {**LEAN, 'forceinline': True}
 
@@ -33,55 +33,55 @@ def at(rows, i):
 
 @subroutine(**INLINE)
 def three(rows, i, first):
-    """Read three numbers of a row, from a column on."""
+    """Read three numbers of a row, starting at a column."""
     return rows[i, first], rows[i, first + 1], rows[i, first + 2]
 
 
 @subroutine(**INLINE)
 def put(rows, i, first, v):
-    """Write three numbers into a row, from a column on."""
+    """Write three numbers into a row, starting at a column."""
     rows[i, first], rows[i, first + 1], rows[i, first + 2] = v
 
 
 @subroutine(**INLINE)
 def dot(a, b):
-    """Return the inner product."""
+    """Return the dot product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @subroutine(**INLINE)
 def cross(a, b):
-    """Return the outer product."""
+    """Return the cross product."""
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @subroutine(**INLINE)
 def less(a, b):
-    """Subtract the second from the first."""
+    """Subtract the second vector from the first."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @subroutine(**INLINE)
 def plus(a, share, b):
-    """Add a multiple of the second to the first."""
+    """Add a multiple of the second vector to the first."""
     return a[0] + share * b[0], a[1] + share * b[1], a[2] + share * b[2]
 
 
 @subroutine(**INLINE)
 def scaled(share, a):
-    """Multiply by a number."""
+    """Multiply a vector by a number."""
     return share * a[0], share * a[1], share * a[2]
 
 
 @subroutine(**INLINE)
 def length(a):
-    """Return the length."""
+    """Return the length of a vector."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 @subroutine(**INLINE)
 def tangent(n):
-    """Give a unit vector across a unit vector."""
+    """Return a unit vector normal to a unit vector."""
     if abs(n[0]) < 0.6:
         t = (0.0, n[2], -n[1])
     else:
