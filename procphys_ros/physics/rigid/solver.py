@@ -87,8 +87,8 @@ _RATIO = 3.0  # largest ratio of the load on a body to its inertia: for few pass
 # A row per contact: normal, a tangent, arms of both bodies, effective masses along normal, tangent
 # and bitangent, speed along the last two by a unit impulse along the normal, impulses of the
 # present substep, present gap, friction, sums of impulses over the step, the point that rotates
-# with each body at the start of the step, the gap then, the normal impulse of the previous substep,
-# shift and anchor of friction, lever arm and angular impulse of rolling resistance.
+# with each body at the start of the step, the gap then, the normal impulse of the previous
+# substep, shift and anchor of friction, lever arm and angular impulse of rolling resistance.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
 _SHIFT, _ANCHOR, _LEVER, _ROLLED = 33, 35, 37, 38
@@ -778,7 +778,7 @@ def _stretched(q, factors, v):
 
 @subroutine(**LEAN)
 def _add_up(contacts, rows, spots):
-    """Add the impulses of a substep, and their moments about the first body's centre."""
+    """Add the impulses of a substep, and their points weighted by normal impulse."""
     for r in contacts:
         if rows[r, _PUSHED] > 0.0:
             for k in range(3):

@@ -14,11 +14,11 @@
 
 
 """
-Anchors: springs that tie segments of climbing plants to what they grow on.
+Anchors: springs between segments of climbing plants and their hosts.
 
-At rest an anchor carries its segment and what hangs on it up to the next anchors, so that joints
-bend as little as they do on a real wall. It is a spring and damper between the centre of mass of
-the segment and a point of what holds it, taken implicitly like the springs of joints.
+At rest an anchor carries its segment and those that hang on it up to the next anchors, so that
+joints bend as little as on a real wall. It is a spring and damper between the centre of mass of
+the segment and a point of the host, integrated implicitly like the springs of joints.
 """
 
 from typing import Any, NamedTuple
@@ -29,24 +29,24 @@ from procphys_ros.compilation import subroutine
 from procphys_ros.linear import norm
 from procphys_ros.physics.trees.spatial import INLINE
 
-# Columns of `State.anchor`: spring [N/m], damper [N·s/m], the point that it draws the centre of
-# mass to [m], and its force there [N]; without a spring, a constant force.
+# Columns of `State.anchor`: spring [N/m], damper [N·s/m], target point of the centre of mass [m],
+# and force there [N]; without a spring, a constant force.
 STIFFNESS, DAMPING, TARGET, FORCE, WIDTH = 0, 1, 2, 5, 8
 
 # Rootlets hold by hairs that stretch by millimetres before they tear off the wall (estimate).
-_GIVE = 0.005   # [m] way from rest at which an anchor lets go
+_GIVE = 0.005   # [m] displacement from rest at which an anchor fails
 _RATIO = 0.3    # damping ratio of a segment on its anchor: leaves and rootlets rub (estimate)
-_SHARE = 0.25   # of what a step can turn around, for anchors whose host moves: see `make`
-_STEP = 1 / 60  # [s] the time step that this holds for
+_SHARE = 0.25   # of the stiffness m/dt², for stability of anchors on moving hosts: see `make`
+_STEP = 1 / 60  # [s] time step of this bound
 
 
 class Anchors(NamedTuple):
     """
-    Segments of climbing plants, and the parts that they hold on to.
+    Anchored segments of climbing plants and their hosts.
 
     :ivar part: the segment, (K,).
-    :ivar host: what it grows on, (K,).
-    :ivar strength: pull at which it lets go [N], (K,).
+    :ivar host: part that it grows on, (K,).
+    :ivar strength: pull at which the anchor fails [N], (K,).
     """
 
     part: np.ndarray
@@ -55,16 +55,16 @@ class Anchors(NamedTuple):
 
     @classmethod
     def none(cls) -> 'Anchors':
-        """Give a table without rows."""
+        """Return a table without rows."""
         return cls(np.zeros(0, np.intp), np.zeros(0, np.intp), np.zeros(0))
 
 
 def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.ndarray:
     """
-    Give the weights that anchors carry at rest [N], (K, 3).
+    Compute the weights that anchors carry at rest [N], (K, 3).
 
-    :param parents: row of each row's parent, -1 for roots; parents stand first, (S,).
-    :param rows: that are anchored, (K,).
+    :param parents: row of each row's parent, -1 for roots; parents come first, (S,).
+    :param rows: anchored rows, (K,).
     :param weight: of each row [N], (S, 3).
     """
     total, held = weight.copy(), np.zeros(len(parents), bool)
@@ -78,12 +78,12 @@ def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.nda
 def make(climbers: Anchors, parts: np.ndarray, parents: np.ndarray, mass: np.ndarray,
          gravity: np.ndarray) -> np.ndarray:
     """
-    Give what `State.anchor` is for all rows, but for the places of targets, (S, 8).
+    Build `State.anchor` of all rows, without target points, (S, 8).
 
-    A host that is a tree takes the force of the last step, which is stable while the spring moves
-    its segment by less than the step does.
+    A host that is a tree receives the force of the last step, which limits the stiffness that is
+    stable.
 
-    :param climbers: what is anchored, and to what.
+    :param climbers: anchored segments and their hosts.
     :param parts: part of each row, (S,).
     :param parents: row of each row's parent, (S,).
     :param mass: of all rows [kg], (S,).
@@ -110,7 +110,7 @@ def make(climbers: Anchors, parts: np.ndarray, parents: np.ndarray, mass: np.nda
 
 def forces(table: np.ndarray, places: np.ndarray) -> np.ndarray:
     """
-    Give the forces of anchors on segments, but for their dampers [N], (K, 3).
+    Compute the forces of anchors on segments, without dampers [N], (K, 3).
 
     :param table: rows of `State.anchor`, (K, 8).
     :param places: centres of mass of the segments [m], (K, 3).
@@ -119,7 +119,7 @@ def forces(table: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 
 def energy(table: np.ndarray, places: np.ndarray) -> np.ndarray:
-    """Give the energy of anchors beyond that at their targets [J], (K,); else as `forces`."""
+    """Compute the energy of anchors above that at their targets [J], (K,); see `forces`."""
     off = places - table[:, TARGET:FORCE]
     return (0.5 * table[:, STIFFNESS] * (off * off).sum(axis=1)
             - (table[:, FORCE:] * off).sum(axis=1))
@@ -127,11 +127,11 @@ def energy(table: np.ndarray, places: np.ndarray) -> np.ndarray:
 
 def place(state: Any, table: np.ndarray, parents: np.ndarray) -> None:
     """
-    Anchor trees, and mark those that are; others do not look for anchors.
+    Set the anchors of a forest, and mark the anchored trees; others skip anchors.
 
     :param state: `State` of the forest.
-    :param table: what `State.anchor` shall be, (S, 8).
-    :param parents: row of each row's parent, -1 for roots; parents stand first, (S,).
+    :param table: new `State.anchor`, (S, 8).
+    :param parents: row of each row's parent, -1 for roots; parents come first, (S,).
     """
     state.anchor[:] = table
     state.struck[:, 1] = 0.0
@@ -145,11 +145,11 @@ def place(state: Any, table: np.ndarray, parents: np.ndarray) -> None:
 
 def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray) -> None:
     """
-    Release segments, and unload what held them.
+    Release segments, and remove their load from their hosts.
 
     :param table: `State.anchor`, changed in place, (S, 8); `rest` the same at rest.
     :param rows: of the segments, (K,).
-    :param hosts: rows of the trees that held them, -1 for walls, (K,).
+    :param hosts: rows of the host trees, -1 for walls, (K,).
     """
     wooden = hosts >= 0
     np.add.at(table[:, FORCE:], hosts[wooden], rest[rows[wooden], FORCE:])
@@ -158,7 +158,7 @@ def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray
 
 @subroutine(**INLINE)
 def pull(i, anchor, poses, h):
-    """Give the force of the anchor of row i where its centre of mass is [N], and c + h·k."""
+    """Compute the force of the anchor of row i at its present pose [N], and c + h·k."""
     k = anchor[i, 0]
     return (anchor[i, 5] - k * (poses[i, 0] - anchor[i, 2]),
             anchor[i, 6] - k * (poses[i, 1] - anchor[i, 3]),
@@ -167,7 +167,7 @@ def pull(i, anchor, poses, h):
 
 @subroutine(**INLINE)
 def energy_between(i, anchor, x, y, z, poses):
-    """Give the energy that the anchor of row i has at its pose beyond that at (x, y, z) [J]."""
+    """Compute the energy of the anchor of row i at its pose above that at (x, y, z) [J]."""
     dx, dy, dz = poses[i, 0] - x, poses[i, 1] - y, poses[i, 2] - z
     k = 0.5 * anchor[i, 0]
     return (dx * (k * (poses[i, 0] + x - 2.0 * anchor[i, 2]) - anchor[i, 5])

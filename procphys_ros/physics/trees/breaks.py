@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Breaks: which joints carry more than they can."""
+"""Breaks: detection of overloaded joints."""
 
 import math
 
@@ -23,22 +23,22 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees.spatial import KERNEL
 
-# By columns of the capacities; the loads are a force [N], a twisting moment [N·m], the bending
-# stress M/Z [Pa] and the moment at the ground [N·m].
+# By columns of the capacities; the loads are a force [N], a torque [N·m], the bending stress
+# M/Z [Pa] and the moment at the ground [N·m].
 CAUSES = np.array([Cause.FORCE, Cause.TWIST, Cause.BENDING, Cause.UPROOTING])
 
 
 @kernel(**KERNEL)
 def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out, load_out):
     """
-    Fill in the overloaded rows, with the column of the capacity that is exceeded most.
+    Find the overloaded rows; write row, column of the capacity exceeded most, and load.
 
     :param rows: rows to test.
     :param wrenches: force and moment at the joints [N], [N·m], (S, 6).
     :param frame: frames with the segment axis last, (S, 12).
     :param section: section modulus Z [m³], (S,).
     :param capacity: break force [N], break torque [N·m], strength [Pa], root moment [N·m], (S, 4).
-    :returns: how many were found.
+    :returns: number of overloaded rows.
     """
     found = 0
     for i in rows:
@@ -49,7 +49,7 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out
         strong = capacity[i, 2] * section[i]
         if (force <= capacity[i, 0] ** 2 and abs(twist) <= capacity[i, 1]
                 and bending <= strong * strong and bending <= capacity[i, 3] ** 2):
-            continue  # squares suffice for the many that hold
+            continue  # comparing squares suffices for the many sound joints
         moment = math.sqrt(max(0.0, bending))
         loads = (math.sqrt(force), abs(twist), moment / section[i], moment)
         worst = 0.0
@@ -67,12 +67,12 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out
 @kernel
 def carried_rows(row, end, active, parents):
     """
-    List the active rows that a row carries, itself included and first.
+    List the active rows of the subtree of a row, itself first.
 
     :param row: the row.
-    :param end: behind the last row that it carried when the tree was whole.
+    :param end: one past the last row of its subtree when the tree was whole.
     :param active: (S,) bool.
-    :param parents: rows of the parents, which stand first, (S,).
+    :param parents: rows of the parents, which come first, (S,).
     """
     carried = np.zeros(end - row, np.bool_)
     carried[0] = True
@@ -85,9 +85,9 @@ def carried_rows(row, end, active, parents):
 def weight_wrenches(mass: np.ndarray, places: np.ndarray, joints: np.ndarray, ends: np.ndarray,
                     gravity: np.ndarray) -> np.ndarray:
     """
-    Give force and moment by which every joint holds the weight beyond it [N], [N·m], (S, 6).
+    Compute force and moment of every joint under the weight of its subtree [N], [N·m], (S, 6).
 
-    :param mass: of the rows, subtree behind subtree [kg], (S,).
+    :param mass: of the rows in preorder [kg], (S,).
     :param places: centres of mass [m], (S, 3).
     :param joints: points of the joints [m], (S, 3).
     :param ends: one past the last row of each row's subtree, (S,).
@@ -103,5 +103,5 @@ def weight_wrenches(mass: np.ndarray, places: np.ndarray, joints: np.ndarray, en
 
 
 def section_modulus(width: np.ndarray) -> np.ndarray:
-    """Give Z = π·d³/32 of round sections of diameter d [m³]."""
+    """Compute the section modulus Z = π·d³/32 of round sections of diameter d [m³]."""
     return np.pi / 32.0 * (width * width * width)

@@ -14,11 +14,11 @@
 
 
 """
-Contact response: how points of trees will move, and what impulses there would change.
+Contact response: predicted motion of points of trees, and its response to impulses.
 
-Contact impulses are solved for before the step. What they need is linear: the velocity of every
-touched point at the end of the step without contact, and how an impulse at one point changes the
-velocity of each other point of the same tree (the Delassus operator), springs, dampers and drag of
+Contact impulses are solved for before the step. They depend linearly on the velocity of every
+contact point at the end of the step without contact, and on the velocity change of each point by
+an impulse at another point of the same tree (the Delassus operator), springs, dampers and drag of
 the step included. Each tree is factored once for all its points.
 """
 
@@ -43,31 +43,31 @@ from procphys_ros.physics.trees.state import Joint, Plan, Scratch, State
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
-# A spring k held at F stores F²/2k; the midpoint rule, to which it shows a mass of k·dt²/4, lets
-# it work off four times that in one step.
+# A spring k held at F stores F²/2k; with the midpoint rule, in which it acts as a mass of k·dt²/4,
+# it releases up to four times that in one step.
 _IMPLICIT = 4.0
 
 
 @dataclass(frozen=True)
 class ContactResponse:
     """
-    Motion to come of points on trees, and its response to impulses.
+    Predicted motion of points on trees, and its response to impulses.
 
     The response of point f to an impulse at point e of the same tree is
     `response[first[e] + place[f] * count[e] + place[e]]`.
 
     :ivar velocity: at the end of the next step without contact [m/s], (E, 3).
     :ivar before: velocity at the beginning of the step [m/s], (E, 3).
-    :ivar old_share: of this velocity in the displacement of the step, over the step: one half, as
-        points move with the mean of old and new velocities, or none where a limit acts, (E,).
-    :ivar energy: that contact may take from the whole tree: kinetic at the end of the step, and
-        four times what springs hold, as most counts in an implicit step [J], (E,).
-    :ivar held: whether a bend of the tree is at its limit, which an impulse may lift it off: then
-        the tree answers in another way than it says here, (E,) bool.
-    :ivar tree: which tree each point is on, counted over the trees touched, (E,).
-    :ivar first: where the responses of this tree begin, (E,).
-    :ivar place: of the point among those on its tree, (E,).
-    :ivar count: of points on its tree, (E,).
+    :ivar old_share: weight of `before` in the mean velocity of the step: one half, as
+        points move with the mean of old and new velocities, or zero where a limit acts, (E,).
+    :ivar energy: energy that contact may take from the whole tree: kinetic at the end of the step,
+        and four times that of springs, the most released in an implicit step [J], (E,).
+    :ivar held: whether a bend of the tree is at its limit; an impulse that lifts it off
+        invalidates this response, (E,) bool.
+    :ivar tree: number of the tree of each point, among the touched trees, (E,).
+    :ivar first: start of the responses of this tree, (E,).
+    :ivar place: index of the point among those on its tree, (E,).
+    :ivar count: number of points on its tree, (E,).
     :ivar response: velocity per impulse [1/kg], (B, 3, 3).
     """
 
@@ -84,10 +84,10 @@ class ContactResponse:
 
     def renewed(self, ends: np.ndarray, fresh: 'ContactResponse') -> 'ContactResponse':
         """
-        Replace the predictions of some trees by new ones; points are in the order of their trees.
+        Replace the predictions of some trees by new ones; points are sorted by tree.
 
-        :param ends: the points on them, (E,) bool.
-        :param fresh: of these points.
+        :param ends: mask of the points on them, (E,) bool.
+        :param fresh: predictions of these points.
         """
         columns = {name: getattr(self, name).copy()
                    for name in ('velocity', 'before', 'old_share', 'energy', 'held')}
@@ -102,9 +102,9 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
                      model: tuple, state: State, workspaces: list[Scratch], wind: np.ndarray,
                      gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
     """
-    Predict the motion of one step; the state stays as it is.
+    Predict motion and response of points in one step; the state is unchanged.
 
-    :param entry: places of the touched rows in the plan, (E,).
+    :param entry: entries of the touched rows in the plan, (E,).
     :param points: on these rows [m], (E, 3), world.
     :param impulses: at the points [N·s], (E, 3), or none, (0, 3).
     :param workspaces, threads: as of `parallel.step`.
@@ -122,7 +122,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
         _foresee(plan, trees[first:last], order, begin[first:last + 1], base[first:last + 1],
                  entry, points, impulses, model, state, workspaces[place], wind, gravity, dt,
                  velocity, before, old_share, energy, held, response)
-    work = np.diff(plan.start)[trees] * (1 + size)  # each push goes through its tree once more
+    work = np.diff(plan.start)[trees] * (1 + size)  # each impulse takes another pass of its tree
     ranges = pool.group_ranges(np.append(0, np.cumsum(work)), threads)
     parallel.run(foresee, ranges, plan, workspaces)
     return ContactResponse(velocity, before, old_share, energy, held, tree, base[tree], place,
@@ -132,13 +132,13 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
 @kernel
 def _by_tree(start, entry):
     """
-    Sort points by the trees that they are on.
+    Sort points by tree.
 
     :param start: of the plan.
     :param entry: of the points in the plan, (E,).
-    :returns: trees, ascending, (T,); points tree by tree, (E,); where those of each tree begin
-        there, and their end, (T + 1,); tree of each point among these, (E,); and its place among
-        the points of its tree, (E,).
+    :returns: trees, ascending, (T,); points tree by tree, (E,); start of the points of each tree,
+        and their end, (T + 1,); tree of each point among these, (E,); and its index among the
+        points of its tree, (E,).
     """
     owner = np.searchsorted(start, entry, side='right') - 1
     count = np.zeros(len(start) - 1, np.int64)
@@ -192,7 +192,7 @@ def _foresee(plan, trees, order, begin, base, entry, points, impulses, model, st
 
 @subroutine
 def _kept(rows, state):
-    """Copy what looking ahead changes of one tree."""
+    """Copy the state of one tree that a prediction changes."""
     return (state.stop[rows], state.push[rows], state.struck[rows], state.velocities[rows],
             state.carried[rows])
 
@@ -205,7 +205,7 @@ def _put_back(rows, kept, state):
 
 @subroutine
 def _energy(rows, model, state, scratch, dt, theta):
-    """Add up what one tree moves with at the end of the step, and its springs hold [J]."""
+    """Sum the energy that contact may take from one tree [J], see `ContactResponse`."""
     total, v = 0.0, np.empty(3)
     for k in range(len(rows)):
         i = rows[k]
@@ -230,7 +230,7 @@ def _energy(rows, model, state, scratch, dt, theta):
 
 @subroutine
 def _paths(entry, above):
-    """List the entries on the way from any of those given to the root, ascending."""
+    """List the entries on the paths from some entries to the root, ascending."""
     passed = np.zeros(len(above), np.bool_)
     for k in entry:
         while k >= 0 and not passed[k]:
@@ -241,14 +241,14 @@ def _paths(entry, above):
 
 @subroutine
 def _arm(k, rows, model, state, point):
-    """Give the way from the joint point of entry k to a point, in the middle of the step."""
+    """Compute the arm from the joint point of entry k to a point, at the middle of the step."""
     i = rows[k]
     return point - state.poses[i, :3] + _reach(i, model, state) * state.middle[i, 9:]
 
 
 @subroutine
 def _read(k, motion, arm, scale, out):
-    """Write the velocity of a point of entry k, times a scale."""
+    """Write the velocity of a point of entry k, multiplied by a scale."""
     x, y, z = arm
     m = motion[k]
     out[0] = scale * (m[3] + m[1] * z - m[2] * y)
@@ -258,14 +258,14 @@ def _read(k, motion, arm, scale, out):
 
 @subroutine
 def _carried(k, rows, state, scratch, point, out):
-    """Write the velocity that a point of entry k carries into the step."""
+    """Write the velocity of a point of entry k at the start of the step."""
     i = rows[k]
     out[:] = state.carried[i, :3] + np.cross(scratch.spin[k], point - state.poses[i, :3])
 
 
 @subroutine
 def _respond(path, rows, above, model, state, scratch, entry, points, response):
-    """Push each point of one tree along each axis and read what all of them do, (n², 3, 3)."""
+    """Compute the responses of all points of one tree to unit impulses at each, (n², 3, 3)."""
     motion, f = scratch.motion, scratch.factor
     count = len(entry)
     moved, arms = np.empty(3), np.empty((count, 3))
@@ -296,7 +296,7 @@ def _respond(path, rows, above, model, state, scratch, entry, points, response):
 
 @subroutine
 def _ascend(path, rows, above, model, state, scratch):
-    """Propagate the motion that pushes cause from the root to the tips of some paths."""
+    """Propagate the motion caused by impulses from the root to the tips of some paths."""
     motion = scratch.motion
     for k in path:
         i = rows[k]
@@ -314,13 +314,13 @@ def _ascend(path, rows, above, model, state, scratch):
 
 @subroutine
 def _reach(i, model, state):
-    """Give the distance of the centre of mass of row i from its joint point [m]."""
+    """Return the distance of the centre of mass of row i from its joint point [m]."""
     return model.body[i, REACH] + state.bend[i, 3]
 
 
 @subroutine
 def _descend(k, rows, above, model, state, scratch, push):
-    """Pass a push at entry k down to the root; give the entries passed."""
+    """Propagate an impulse at entry k down to the root; return the entries on the path."""
     path = [k]
     while True:
         i, up = rows[path[-1]], above[path[-1]]

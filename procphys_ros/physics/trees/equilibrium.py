@@ -14,14 +14,14 @@
 
 
 """
-Equilibrium: where trees stand still, their springs in balance with weight, anchors and drag.
+Equilibrium: static equilibrium of trees, with springs balancing weight, anchors and drag.
 
-Newton's method, solved by the passes of an implicit step: one of length h from rest takes joints
-on by dq with (M/h² + D/h + K)·dq = the loads that nothing balances yet, D being the dampers and
-the air, K the springs and the tension that stiffens what hangs or streams in the wind. From turn
-to turn h grows, from a slow motion that does not overshoot to Newton's steps. What weight takes
-from the stiffness of what stands is left out, so that K is always positive: trees that stand then
-converge by a factor of 5 to 20 per turn.
+Newton's method, solved by the passes of an implicit step: one of length h from rest moves joints
+by dq with (M/h² + D/h + K)·dq = unbalanced loads, D being the dampers and the air, K the springs
+and the tension stiffening of hanging or streaming segments. From iteration to iteration h grows,
+from a slow motion that does not overshoot to Newton's steps. The softening of standing segments by
+their weight is left out, so that K is always positive: standing trees then converge by a factor of
+5 to 20 per iteration.
 """
 
 from procphys_ros.compilation import kernel, subroutine
@@ -31,20 +31,20 @@ from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
-_FIRST, _GROWTH, _LAST = 0.1, 3.0, 30.0  # [s], [-], [s] h of the first turn, and how it grows
-_NEAR = 0.01  # [rad], [m] change in a turn after which Newton's steps are safe
-_TURNS = 100  # at most, for trees far beyond what they bear; others take 8 to 40
+_FIRST, _GROWTH, _LAST = 0.1, 3.0, 30.0  # [s], [-], [s] first h, its growth factor, last h
+_NEAR = 0.01  # [rad], [m] change in an iteration after which Newton's steps are safe
+_TURNS = 100  # iterations at most, for trees loaded far beyond their strength; others take 8 to 40
 
 
 @kernel(**KERNEL, nogil=True)
 def lean(plan, trees, model, state, scratch, wind, gravity, goal):
     """
-    Bend trees at rest to where they stand still in a steady wind, whatever their joints bear.
+    Solve for the static equilibrium of trees in a steady wind, at any load of their joints.
 
-    :param trees: places in the plan, (K,).
+    :param trees: indices in the plan, (K,).
     :param wind: air velocity at the centres of mass [m/s], (S, 3).
     :param gravity: [m/s²], (3,).
-    :param goal: largest change of a joint in the last turn [rad] or [m].
+    :param goal: largest change of a joint in the last iteration [rad] or [m].
     """
     for t in trees:
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
@@ -69,7 +69,7 @@ def lean(plan, trees, model, state, scratch, wind, gravity, goal):
 
 @subroutine(**INLINE)
 def tighten(rows, above, model, state, scratch, h):
-    """Add the stiffness by tension against turns of segments, where loads pull on them."""
+    """Add the stiffness by tension against rotation of segments under pull."""
     a, f, frame = scratch.inertia, scratch.blow, state.frame
     for k in range(len(rows)):
         i = rows[k]
@@ -95,7 +95,7 @@ def tighten(rows, above, model, state, scratch, h):
 
 @subroutine(**INLINE)
 def bend(rows, above, model, state, scratch, h):
-    """Move the joints of one tree a step on; give the largest change [rad] or [m]."""
+    """Advance the joints of one tree by a step; return the largest change [rad] or [m]."""
     moved = 0.0
     for k in range(len(rows)):
         i = rows[k]

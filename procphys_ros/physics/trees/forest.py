@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Forest: all the trees of a scene as articulated bodies that sway, are hit, and break."""
+"""Forest: the trees of a scene as articulated bodies that sway, collide and break."""
 
 from collections.abc import Sequence
 
@@ -50,25 +50,25 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 
-_SAGGED, _LEANT = 1e-12, 1e-6  # [rad], [m] change of joints at which trees stand still
-_TIME_STEP = 1.0 / 60.0  # [s], for effective masses asked for before the first step
+_SAGGED, _LEANT = 1e-12, 1e-6  # [rad], [m] change of joints at which trees are in equilibrium
+_TIME_STEP = 1.0 / 60.0  # [s], for effective masses before the first step
 
 
 class Forest:
     """
-    Every part of a blueprint that hangs on a hinge, moved by an O(n) articulated kernel.
+    Hinged parts of a blueprint, moved by an O(n) articulated kernel.
 
-    Rows are the segments in depth-first preorder: parents stand first, every subtree is a range.
-    A tree at rest is preloaded against its weight and stays exactly where it was authored, but for
+    Rows are the segments in depth-first preorder: parents come first, every subtree is a range.
+    A tree at rest is preloaded against its weight and stays exactly as authored, except for
     joints with less preload: they have sagged before the first step. Poses
-    are those at the end of the last step; velocities are what segments carry into the next one.
+    are those at the end of the last step; velocities are those carried into the next one.
 
     :ivar parts: part index of each row, (S,).
     :ivar bonds: bond index of each row's joint, (S,).
-    :ivar parents: row that each row hangs on, -1 for roots, (S,).
+    :ivar parents: parent of each row, -1 for roots, (S,).
     :ivar ends: one past the last row of each row's subtree, (S,).
     :ivar active: rows that the kernel moves, (S,) bool.
-    :ivar poses: centre of mass and attitude xyzw [m], (S, 7), world; inactive rows stay put.
+    :ivar poses: centre of mass and attitude xyzw [m], (S, 7), world; constant for inactive rows.
     :ivar velocities: linear of the centre of mass and angular [m/s], [rad/s], (S, 6), world.
     :ivar bends: joint coordinates: bends about the two axes, twist [rad], stretch [m], (S, 4).
     :ivar joint_wrenches: force and moment that the parent exerts on the segment at the joint in
@@ -84,12 +84,12 @@ class Forest:
     def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  air_density: float = AIR_DENSITY, climbers: Anchors | None = None) -> None:
         """
-        Lay out the trees and balance them.
+        Arrange the trees and balance their weight.
 
-        :param blueprint: may hold parts that are no trees; they are left out.
+        :param blueprint: other parts than trees are left out.
         :param gravity: [m/s²], (3,).
         :param air_density: [kg/m³]; 0 for a vacuum.
-        :param climbers: what climbing plants hold on to; None = nothing.
+        :param climbers: anchors of climbing plants; None = none.
         :raises SceneError: when the hinges do not form trees.
         """
         rows = arrange(blueprint, air_density)
@@ -130,7 +130,7 @@ class Forest:
 
     @property
     def model(self) -> state.Model:
-        """Constants of all rows, to be read only; columns are named in `layout`."""
+        """Constants of all rows, read-only; columns are named in `layout`."""
         return self._model
 
     @property
@@ -143,7 +143,7 @@ class Forest:
 
     @property
     def has_sagged(self) -> bool:
-        """Return whether weight bends anything before the first step."""
+        """Return whether weight bends any joint before the first step."""
         return bool(self._rest_bend.any())
 
     @property
@@ -155,7 +155,7 @@ class Forest:
         return self._state.wrenches
 
     def reset(self) -> None:
-        """Reset to rest and whole, bit for bit as first built."""
+        """Reset to the rest pose without damage, bit for bit as first built."""
         for column in self._state:
             column[:] = 0.0
         self._state.bend[:] = self._rest_bend
@@ -177,7 +177,7 @@ class Forest:
 
         :param dt: time step [s].
         :param wind: air velocity at the centres of mass [m/s], (S, 3), world; None = still air.
-        :param threads: to step trees on; results are the same to the bit for any number.
+        :param threads: largest number of threads; results do not depend on it, to the last bit.
         :raises ValueError: when the wind has another shape.
         """
         self._stepped = None
@@ -188,12 +188,12 @@ class Forest:
     def lean(self, trees: np.ndarray, wind: np.ndarray | None, threads: int = 1,
              goal: float = _LEANT) -> None:
         """
-        Bend trees at rest to where they stand still in a steady wind, whatever their joints bear.
+        Set trees to their static equilibrium in a steady wind, at any load of their joints.
 
-        :param trees: places of the trees in `plan`, (K,).
+        :param trees: indices of the trees in `plan`, (K,).
         :param wind: as for `step`; read at the rows of these trees only.
         :param threads: as for `step`.
-        :param goal: how far joints may be from there [rad] or [m].
+        :param goal: tolerance of the joints [rad] or [m].
         """
         self._breathe(self._time_step, wind)
         parallel.lean(self._plan, trees, self._model, self._state, self._scratches, self._wind,
@@ -202,10 +202,10 @@ class Forest:
     def step_some(self, trees: np.ndarray, steps: np.ndarray, dt: float,
                   wind: np.ndarray | None = None, threads: int = 1) -> None:
         """
-        Advance some trees, which costs in proportion to them; the others do not move.
+        Advance some trees, at a cost proportional to their size; the others do not move.
 
-        :param trees: places of the trees in `plan`, (K,).
-        :param steps: how many time steps each goes in one, (K,).
+        :param trees: indices of the trees in `plan`, (K,).
+        :param steps: number of time steps that each takes in one, (K,).
         :param dt: time step [s].
         :param wind: as for `step`; read at the rows of these trees only.
         :param threads: as for `step`.
@@ -220,7 +220,7 @@ class Forest:
         return subset.rows_of(self.plan, trees)
 
     def adopt(self, other: 'Forest') -> None:
-        """Copy the state of another forest, whose rows are the first ones here."""
+        """Copy the state of another forest whose rows are the first ones here."""
         columns = ((*f._state, f._model.joint, f._model.body, f.parents, f.active, f._disturbed)
                    for f in (self, other))
         for mine, theirs in zip(*columns):
@@ -228,11 +228,11 @@ class Forest:
         self._time_step, self._stale = other._time_step, True
 
     def hold(self, trees: np.ndarray) -> None:
-        """Stop some trees of `plan` dead, bent as they are, and drop what pushed them."""
+        """Stop some trees of `plan` at their present bends, and drop pending impulses."""
         subset.hold(self.rows_of(trees), self._state)
 
     def kinetic(self, trees: np.ndarray) -> np.ndarray:
-        """Give the kinetic energy per mass of some trees of `plan` [J/kg], (K,)."""
+        """Compute the kinetic energy per mass of some trees of `plan` [J/kg], (K,)."""
         return subset.kinetic(self.plan, trees, self._model.body, self._state)
 
     @property
@@ -241,14 +241,14 @@ class Forest:
         return 0.5 * self._model.body[:, LENGTH]
 
     def take_disturbed(self) -> np.ndarray:
-        """List the rows that got an impulse, or that lost a branch, since this was last asked."""
+        """List and clear the rows that got an impulse or lost a branch since the last call."""
         rows = np.flatnonzero(self._disturbed)
         self._disturbed[rows] = False
         return rows
 
     def overloaded(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """
-        Find the joints that the last step loaded beyond what they can carry.
+        Find the joints that the last step loaded beyond their strength.
 
         :returns: rows, `causes.Cause`, loads ([N], [N·m] or [Pa] by cause) and bond indices.
         """
@@ -263,11 +263,11 @@ class Forest:
 
     def overloaded_by_weight(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
-        Find the joints of whole trees that cannot hold the weight beyond them, as trees stand now.
+        Find the joints overloaded by the weight of their subtrees, at the present poses.
 
-        Rows that climbing plants hold on by, and those below them, are left out.
+        Anchored rows of climbing plants, and those below them, are left out.
 
-        :returns: rows, `causes.Cause`, and loads over what the joints can bear.
+        :returns: rows, `causes.Cause`, and loads over capacities of the joints.
         """
         now = self._state
         wrenches = breaks.weight_wrenches(self._model.body[:, MASS], now.poses[:, :3],
@@ -281,14 +281,14 @@ class Forest:
         return row, breaks.CAUSES[column], load[:count] / self._capacity[row, column]
 
     def subtree(self, row: int) -> np.ndarray:
-        """Give the active rows that a row carries, itself included and first."""
+        """List the active rows of the subtree of a row, itself first."""
         return breaks.carried_rows(int(row), int(self.ends[row]), self.active, self.parents)
 
     def detach(self, row: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """
-        Remove a subtree from the articulation; its rows become inactive and cost nothing.
+        Remove a subtree from the articulation; its rows become inactive and cost no time.
 
-        :param row: first row of what comes off.
+        :param row: root row of the subtree.
         :returns: rows, poses (K, 7) and velocities (K, 6) as they are now.
         """
         rows = self.subtree(row)
@@ -302,9 +302,9 @@ class Forest:
 
     def release(self, row: int) -> None:
         """
-        Cut a row loose: its subtree goes on as a tree with a free root, momentum kept.
+        Cut a joint: the subtree continues as a tree with a free root, with its momentum.
 
-        :param row: first row of what comes off.
+        :param row: root row of the subtree.
         """
         self._disturb(self.parents[row])
         self._model.joint[row] = state.Joint.FREE
@@ -314,10 +314,10 @@ class Forest:
 
     def keep_leaves(self, rows: np.ndarray, share: np.ndarray) -> None:
         """
-        Reduce the leaves of segments to a share of those at the start; drag decreases with them.
+        Reduce the leaves of segments to a share of the initial ones, and their drag.
 
         :param rows: of the segments, (K,).
-        :param share: of their leaf area that is left, 0 to 1, (K,).
+        :param share: remaining share of their leaf area, 0 to 1, (K,).
         """
         self._model.body[rows, LEAF_FLOW] = share * self._foliage[rows]
 
@@ -325,10 +325,10 @@ class Forest:
                       linear: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0),
                       angular: Sequence[float] | np.ndarray = (0.0, 0.0, 0.0)) -> None:
         """
-        Add momentum to a segment; the tree feels it exactly in the next step.
+        Apply an impulse to a segment; the next step distributes it exactly over the tree.
 
-        :param row: the segment that is hit.
-        :param point: where the linear impulse acts [m], (3,), world; None = centre of mass.
+        :param row: the segment.
+        :param point: point of the linear impulse [m], (3,), world; None = centre of mass.
         :param linear: [N·s], (3,), world.
         :param angular: [N·m·s], (3,), world.
         """
@@ -352,57 +352,57 @@ class Forest:
 
     def cut_anchors(self, rows: np.ndarray, hosts: np.ndarray) -> None:
         """
-        Release segments, and unload what held them.
+        Release segments, and remove their load from their hosts.
 
         :param rows: of the segments, (K,).
-        :param hosts: rows of the trees that held them, -1 for walls, (K,).
+        :param hosts: rows of the host trees, -1 for walls, (K,).
         """
         anchors.cut(self._state.anchor, self._anchors, rows, hosts)
         self._disturbed[rows] = True
 
     def push(self, rows: np.ndarray, points: np.ndarray, impulses: np.ndarray) -> None:
         """
-        Apply impulses in the next step, exactly, however light what they act on.
+        Apply impulses in the next step, exactly, also to very light segments.
 
-        Other than with `apply_impulse`, velocities stay as they are until then, so that the air
-        does not resist the speed that a twig would have if the impulse were its own.
+        Unlike with `apply_impulse`, velocities are unchanged until then, so that drag does not
+        act on the speed that a twig would have if it took up the impulse alone.
 
         :param rows: the segments, (K,).
-        :param points: where the impulses act [m], (K, 3), world.
+        :param points: points of action [m], (K, 3), world.
         :param impulses: [N·s], (K, 3), world.
         """
         subset.push(rows, np.ascontiguousarray(points), np.ascontiguousarray(impulses),
                     self.plan.root, self._state)
 
     def roots(self, rows: np.ndarray) -> np.ndarray:
-        """Give the root rows of the trees that active rows belong to, (K,)."""
+        """Return the root rows of the trees of active rows, (K,)."""
         return self.plan.root[rows]
 
     def masses(self, rows: np.ndarray) -> np.ndarray:
-        """Give the masses of the trees that active rows belong to [kg], (K,)."""
+        """Compute the masses of the trees of active rows [kg], (K,)."""
         return subset.masses(self.plan, self._entry[rows], self._model.body)
 
     @property
     def plan(self) -> state.Plan:
-        """Active rows tree by tree; not to be changed."""
+        """Active rows tree by tree, read-only."""
         if self._stale:
             self._replan()
         return self._plan
 
     @property
     def free_roots(self) -> np.ndarray:
-        """First rows of the trees that were released and are still moved here, ascending."""
+        """Root rows of the released trees that are still active, ascending."""
         return np.flatnonzero(self.active & (self._model.joint == state.Joint.FREE))
 
     def is_free(self, roots: np.ndarray) -> np.ndarray:
-        """Return which root rows belong to trees that were released, (K,) bool."""
+        """Mark the root rows of released trees, (K,) bool."""
         return self._model.joint[roots] == state.Joint.FREE
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
                          wind: np.ndarray | None = None, impulses: np.ndarray | None = None,
                          threads: int = 1) -> contact_response.ContactResponse:
         """
-        Tell how points will move in the next step, and what impulses would change about it.
+        Predict the motion of points in the next step, and its response to impulses.
 
         :param rows: active rows, (E,).
         :param points: on them [m], (E, 3), world.
@@ -419,7 +419,7 @@ class Forest:
             self._state, self._scratches, wind, self._gravity, float(dt), threads)
 
     def energy(self) -> float:
-        """Give the mechanical energy of the active rows above that of the rest pose [J]."""
+        """Compute the mechanical energy of the active rows above that of the rest pose [J]."""
         moving = self.active
         bend, (swing, extra) = self._state.bend[moving], (self._model.swing[moving],
                                                           self._model.extra[moving])
@@ -442,7 +442,7 @@ class Forest:
                      + (0.5 * elastic - preload)[held].sum())
 
     def _load_anchors(self, climbers: Anchors) -> np.ndarray:
-        """Load anchors as they are at rest; give them with their springs, (S, 8)."""
+        """Apply the rest loads of anchors; return the anchors with their springs, (S, 8)."""
         mass = self._model.body[:, MASS]
         made = anchors.make(climbers, self.parts, self._rooted, mass, self._gravity)
         self._anchors[:, anchors.FORCE:] = made[:, anchors.FORCE:]
@@ -450,7 +450,7 @@ class Forest:
         return made
 
     def _breathe(self, dt: float, wind: np.ndarray | None) -> None:
-        """Set the time step and the air of the step that begins."""
+        """Set time step and wind of the next step."""
         if self._stale:
             self._replan()
         self._time_step = float(dt)

@@ -16,17 +16,17 @@
 """
 Integrator: the implicit midpoint rule for articulated bodies in carry form.
 
-A step solves for the mean velocities w over it, at the pose expected in its middle, as a fully
-implicit step of half the length would; then bends go on by dt·w and velocities to 2·w - v. With
-E the kinetic energy of the carried velocities and the energy of the springs, E changes by the work
-of loads and dampers alone, whatever the pose and the stiffness: nothing is lost to the time step,
-and nothing can blow up. Three things are added (docs/decisions/0008):
+A step solves for the mean velocities w over it, at the pose predicted for its middle, as a fully
+implicit step of half the length would; then bends advance by dt·w and velocities to 2·w - v. With
+E the kinetic energy of the carried velocities and the energy of the springs, E changes only by the
+work of loads and dampers, at any pose and stiffness: there is no numerical damping, and the
+integration is unconditionally stable. Three things are added (docs/decisions/0008):
 
-* Carried velocities leave what the joints allow by a little more with every turn of a branch;
+* Carried velocities drift from the constraints of the joints with every rotation of a branch;
   every `_PERIOD` steps they are projected back.
-* Weight and anchors do their work along straight lines, but segments move on arcs. The difference
-  is known after the step and taken out of the velocities of the tree.
-* What stops a bend at its limit is inelastic: such a step is fully implicit.
+* The work of weight and anchors is computed along straight lines, but segments move on arcs. The
+  difference is known after the step and subtracted from the kinetic energy of the tree.
+* Bend limits are inelastic: a step that reaches one is fully implicit.
 """
 
 import math
@@ -39,9 +39,9 @@ from procphys_ros.physics.trees.state import Joint
 
 _SPRUNG = int(Joint.SPRUNG)
 _FREE = int(Joint.FREE)
-_ATTEMPTS = 4  # solutions per step while limits take hold or let go; the clamp takes the rest
-_PERIOD = 16  # [steps] between projections; trees take turns
-_MIDPOINT, _IMPLICIT = 0.5, 1.0  # how far into the step loads are taken
+_ATTEMPTS = 4  # solutions per step while limits engage or release; clamping handles the rest
+_PERIOD = 16  # [steps] between projections, staggered over trees
+_MIDPOINT, _IMPLICIT = 0.5, 1.0  # implicitness θ of a step
 
 
 @kernel(**KERNEL, nogil=True)
@@ -61,14 +61,14 @@ def step(plan, model, state, scratch, wind, gravity, dt):
 
 @subroutine(**KERNEL)
 def advance(rows, above, model, state, scratch, wind, gravity, dt):
-    """Advance one tree; arguments as of `step`."""
+    """Advance one tree by a time step; arguments as of `step`."""
     theta = solve(rows, above, model, state, scratch, wind, gravity, dt)
     move(rows, above, model, state, scratch, gravity, dt, theta)
 
 
 @subroutine(**KERNEL)
 def take_up(rows, body, state):
-    """Turn changes of the velocities of one tree since the last step into impulses."""
+    """Convert velocity changes of one tree since the last step to impulses."""
     v, old, frame, push = state.velocities, state.carried, state.frame, state.push
     for i in rows:
         if (v[i, 0] == old[i, 0] and v[i, 1] == old[i, 1] and v[i, 2] == old[i, 2]
@@ -89,7 +89,7 @@ def take_up(rows, body, state):
 
 @subroutine(**KERNEL)
 def project(rows, above, model, state, scratch, wind, gravity):
-    """Replace the carried velocities of one tree by the nearest that its joints allow."""
+    """Project the carried velocities of one tree on the constraints of its joints."""
     frame, m = state.frame, scratch.motion
     passes.factor(rows, above, model, state, scratch, frame, wind, gravity, 0.0, 1.0, 1.0,
                   0.0)
@@ -104,7 +104,7 @@ def project(rows, above, model, state, scratch, wind, gravity):
 
 @subroutine(**INLINE)
 def settle(i, vx, vy, vz, wx, wy, wz, state):
-    """Give row i other velocities to carry; what was added to the old ones stays added."""
+    """Replace the carried velocities of row i; changes since the last step are kept."""
     value, v, old = (vx, vy, vz, wx, wy, wz), state.velocities, state.carried
     for c in range(6):
         v[i, c] = value[c] if v[i, c] == old[i, c] else v[i, c] + (value[c] - old[i, c])
@@ -121,7 +121,7 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
     """
     frame, h = state.middle, _MIDPOINT * dt
     root = rows[0]
-    # Trees take turns by where they stand: a tree moves alike whatever other trees there are.
+    # Stagger trees by position: the motion of a tree does not depend on other trees.
     turn = int(97.3 * abs(model.mount[root, 0]) + 61.7 * abs(model.mount[root, 1]))
     if (int(state.age[root, 0]) + turn) % _PERIOD == 0:
         project(rows, above, model, state, scratch, wind, gravity)
@@ -146,7 +146,7 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
 
 @subroutine(**KERNEL)
 def limits_changed(rows, model, state, scratch, dt):
-    """Check all bends of one tree against their limits; True to solve it again."""
+    """Check all bends of one tree against their limits; return whether to solve it again."""
     changed = False
     for k in range(len(rows)):
         if model.joint[rows[k]] != _FREE and joints.limit_changed(
@@ -157,7 +157,7 @@ def limits_changed(rows, model, state, scratch, dt):
 
 @subroutine(**KERNEL)
 def move(rows, above, model, state, scratch, gravity, dt, theta):
-    """Move joints and poses to the end of the step and carry the velocities along."""
+    """Advance joints, poses and velocities to the end of the step."""
     struck = state.struck[rows[0], 0] != 0.0
     kicked = struck and theta == _MIDPOINT
     gain, kinetic, scale = 0.0, 0.0, 1.0
@@ -190,7 +190,7 @@ def move(rows, above, model, state, scratch, gravity, dt, theta):
 
 @subroutine(**KERNEL)
 def undo(rows, above, model, state, scratch):
-    """Undo the step of one tree, whose weight would do more work than its motion accounts for."""
+    """Undo the step of one tree whose excess work of weight exceeds its kinetic energy."""
     for k in range(len(rows)):
         i = rows[k]
         for c in range(4):
@@ -204,12 +204,12 @@ def undo(rows, above, model, state, scratch):
 def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, off, kicked,
                  held):
     """
-    Move one segment.
+    Advance one segment to the end of the step.
 
-    :param per: time that motions are velocities over [s].
-    :param on: share of the mean velocity in the new one; `off` of the old one, taken away.
+    :param per: factor from motions to velocities [s].
+    :param on: weight of the mean velocity in the new one; `off` of the old one, subtracted.
 
-    :returns: energy that moving on an arc, and a stop, has added [J], and kinetic energy [J].
+    :returns: energy added by moving on an arc and by a limit [J], and kinetic energy [J].
     """
     i, body = rows[k], model.body
     frame, middle, poses, v, m = (state.frame, state.middle, state.poses, state.carried,
@@ -256,7 +256,7 @@ def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, of
 
 @subroutine(**INLINE)
 def at_centre(m, k, per, x, y, z):
-    """Give linear and angular velocity at the way (x, y, z) from the joint point of entry k."""
+    """Compute linear and angular velocity at an arm (x, y, z) from the joint point of entry k."""
     wx, wy, wz = per * m[k, 0], per * m[k, 1], per * m[k, 2]
     return (per * m[k, 3] + wy * z - wz * y, per * m[k, 4] + wz * x - wx * z,
             per * m[k, 5] + wx * y - wy * x, wx, wy, wz)

@@ -14,10 +14,10 @@
 
 
 """
-Joints: how a segment's inertia and load reach its parent, and how motion comes back.
+Joints: propagation of inertia and load from a segment to its parent, and of motion back.
 
 A joint with several degrees of freedom is a chain of single ones at the same point, so each is
-eliminated on its own, outermost first, and solved for in the opposite order.
+eliminated separately, outermost first, and solved for in the opposite order.
 """
 
 import math
@@ -47,8 +47,8 @@ from procphys_ros.physics.trees.spatial import (
 )
 
 RADIAL, TANGENTIAL, TWIST, STRETCH = range(4)  # degrees of freedom, innermost first
-# A bend at its limit is held by a damper this much stronger than the inertia it must stop, weight
-# and springs included; it then creeps by less than 1e-6 of its free motion.
+# Damper of a bend at its limit over the inertia that it stops, weight and springs included; the
+# bend then creeps by less than 1e-6 of its free motion.
 _HOLD = 1e6  # [-]
 _TOUCH = 1e-12  # relative excess over the limit that is rounding
 
@@ -62,7 +62,7 @@ def mix(frame, i, first, second):
 
 @subroutine(**INLINE)
 def basis(stop, i):
-    """Give the direction of a held bend, or the first axis."""
+    """Return the direction of a held bend, or the first axis, and whether it is held."""
     n1, n2 = stop[i, 0], stop[i, 1]
     held = n1 != 0.0 or n2 != 0.0
     return (n1 if held else 1.0), n2, held
@@ -110,7 +110,7 @@ def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
 
 @subroutine(**INLINE)
 def bound(i, n1, n2, dt, swing, bend):
-    """Give the mean outward rate that takes the bend just to its limit, never an inward one."""
+    """Compute the mean outward rate that takes the bend just to its limit, at least zero."""
     return max(0.0, (swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])) / dt)
 
 
@@ -143,20 +143,20 @@ def give_extra(i, k, h, gate, model, bend, frame, scratch):
 
 @subroutine(**INLINE)
 def solve_rate(f, k, d, v):
-    """Solve degree of freedom d of row k for its rate, given the motion before it."""
+    """Solve degree of freedom d of row k for its rate, given the motion on its inner side."""
     u = (f[k, d, 0], f[k, d, 1], f[k, d, 2], f[k, d, 3], f[k, d, 4], f[k, d, 5])
     return f[k, d, 6] * (f[k, d, 7] - dot(u, v))
 
 
 @subroutine(**INLINE)
 def add_turn(v, axis, rate):
-    """Add a turn about an axis through the motion's point."""
+    """Add a rotation about an axis through the motion's reference point."""
     return (v[0] + rate * axis[0], v[1] + rate * axis[1], v[2] + rate * axis[2], v[3], v[4], v[5])
 
 
 @subroutine(**INLINE)
 def take_swing(i, k, h, v, stop, frame, f, new):
-    """Add the bending of row i to the motion v that its parent hands on; store h times rates."""
+    """Add the bending of row i to the motion v of its parent; store h times rates."""
     n1, n2, _ = basis(stop, i)
     radial = solve_rate(f, k, RADIAL, v)
     v = add_turn(v, mix(frame, i, n1, n2), radial)
@@ -193,7 +193,7 @@ def limit_changed(i, k, dt, swing, bend, stop, new, limits):
     if stop[i, 0] != 0.0 or stop[i, 1] != 0.0:
         if stop[i, 0] * first + stop[i, 1] * second >= limits[k] * (1.0 - _TOUCH):
             return False
-        stop[i, 0] = 0.0  # the limit would have to pull
+        stop[i, 0] = 0.0  # a limit cannot pull
         stop[i, 1] = 0.0
         return True
     x = bend[i, 0] + dt * first
@@ -213,7 +213,7 @@ def solve_free(k, a, full, motion):
     Solve the free root at row k for its motion by Gaussian elimination.
 
     :param full: workspace, (6, 7).
-    :param motion: where row k of the solution goes, (n, 6).
+    :param motion: receives the solution in row k, (n, 6).
     """
     place = 0
     for r in range(3):
@@ -242,7 +242,7 @@ def solve_free(k, a, full, motion):
 
 @subroutine(**KERNEL)
 def advance_extra(i, k, dt, model, state, scratch):
-    """Move twist and stretch of row i on to the end of the step."""
+    """Advance twist and stretch of row i to the end of the step."""
     for j in (TWIST, STRETCH):
         c = EXTRA_STRIDE * (j - TWIST)
         if math.isinf(model.extra[i, c + EXTRA_STIFFNESS]):
@@ -252,7 +252,7 @@ def advance_extra(i, k, dt, model, state, scratch):
 
 @subroutine
 def preload(i, k, model, scratch):
-    """Oppose the loads that the held joint of row i carries."""
+    """Set the preload of the joint of row i against the loads that it carries when locked."""
     model.swing[i, PRELOAD_X] = -scratch.factor[k, RADIAL, 7]
     model.swing[i, PRELOAD_Y] = -scratch.factor[k, TANGENTIAL, 7]
     model.extra[i, EXTRA_PRELOAD] = -scratch.factor[k, TWIST, 7]

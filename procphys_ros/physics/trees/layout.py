@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Layout: order the hinged parts of a blueprint into rows that the kernel can walk."""
+"""Layout: order the hinged parts of a blueprint into rows for the kernel."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y = range(5)
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
 EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_PRELOAD, EXTRA_STRIDE = range(4)
 
-_MISFIT = 1e-9  # [m] and [-], rounding allowed between a part's frame and its joint's
+_MISFIT = 1e-9  # [m] and [-], tolerance between the frames of a part and its joint
 
 
 @dataclass
@@ -67,9 +67,9 @@ class Rows:
 
 def arrange(blueprint: Blueprint, air_density: float) -> Rows:
     """
-    Lay out every part that is the child of a hinge.
+    Arrange the parts that are children of hinges into rows.
 
-    :param blueprint: may hold other parts too; a hinge on such a part counts as clamped.
+    :param blueprint: a hinge on any other part counts as clamped.
     :param air_density: [kg/m³].
     :raises SceneError: when hinges do not form trees or a segment is not symmetric about them.
     """
@@ -103,7 +103,7 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
 
 def set_damping(rows: Rows, rate: np.ndarray) -> None:
     """
-    Fill in dampers that were not given, c = rate·k.
+    Set unspecified dampers, c = rate·k.
 
     :param rows: changed in place.
     :param rate: [s], (S,).
@@ -126,7 +126,7 @@ def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def _vogel_exponents(blueprint: Blueprint) -> np.ndarray:
-    """Give the mean Vogel exponent of the leaves on every part, by their areas, (N,)."""
+    """Compute the area-weighted mean Vogel exponent of the leaves on every part, (N,)."""
     leaves, area = blueprint.leaves, blueprint.leaves.size * blueprint.leaves.size
     total = np.bincount(leaves.part, area, len(blueprint))
     weighted = np.bincount(leaves.part, area * leaves.vogel, len(blueprint))
@@ -159,7 +159,7 @@ def _preorder(parent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _axes(parent: np.ndarray, width: np.ndarray, frame: np.ndarray) -> np.ndarray:
-    """Follow each branch: its widest child carries an axis on, the straightest of equals."""
+    """Find the axis of each row: the widest child, then the straightest, continues an axis."""
     direction = rotation.rotate(frame[:, 3:], np.array([0.0, 0.0, 1.0]))
     straight = np.einsum('ij,ij->i', direction, direction[parent])
     best = np.lexsort((-straight, -width, parent))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Modes: the fundamental frequency of branches, from which damping ratios become dampers."""
+"""Modes: fundamental frequencies of branches, which convert damping ratios to dampers."""
 
 import numpy as np
 
@@ -35,10 +35,10 @@ _ITERATIONS = 6  # inverse iteration gains (ω1/ω2)² ≈ 1/39 per turn on a un
 
 def damping_rate(rows: Rows, ratio: np.ndarray, frame: np.ndarray) -> np.ndarray:
     """
-    Give β = 2ζ/ω1 so that dampers c = β·k damp the first mode of each branch with ratio ζ.
+    Compute β = 2ζ/ω1 so that dampers c = β·k damp the first mode of each branch with ratio ζ.
 
-    A branch is an axis with all it carries, clamped at its base. All joints of an axis share the
-    axis's frequency; ζ is taken joint by joint.
+    A branch is an axis with all its subtrees, clamped at its base. All joints of an axis share the
+    axis's frequency; ζ is given per joint.
 
     :param rows: the forest.
     :param ratio: damping ratio ζ, (S,); NaN where a damper is given.
@@ -61,7 +61,7 @@ def _fundamental(bases, end, parent, body, swing, extra, frame):
     omega = np.empty(len(bases))
     for b in range(len(bases)):
         first, last = bases[b], end[bases[b]]
-        for i in range(first, last):  # start from a push across the base, skew to both axes
+        for i in range(first, last):  # initial motion across the base, oblique to both axes
             for j in range(3):
                 motion[i, j] = 0.0
                 motion[i, 3 + j] = frame[first, 3 + j] + 0.7 * frame[first, 6 + j]
@@ -78,7 +78,7 @@ def _fundamental(bases, end, parent, body, swing, extra, frame):
 
 @subroutine
 def _weigh(first, last, body, frame, motion, load):
-    """Turn motions at the centres of mass into inertial loads; return 1/|motion|."""
+    """Convert motions at the centres of mass to inertial loads; return 1/|motion|."""
     size = 0.0
     for i in range(first, last):
         spin = 0.0
@@ -97,7 +97,7 @@ def _deflect(first, last, parent, body, swing, extra, frame, load, motion):
     """
     Bend the branch under the loads; return the Rayleigh quotient of the new motion.
 
-    Component by component: assigned slices and `np.cross` would double the time to compile.
+    Written out by components: assigned slices and `np.cross` would double the compile time.
     """
     reaction = np.zeros((last - first, 6))
     for i in range(last - 1, first - 1, -1):
@@ -150,7 +150,7 @@ def _add_wrench(total, wrench, x, y, z):
 
 @subroutine
 def _carry(motion, there, x, y, z):
-    """Write the motion (turn, shift) of a rigid body at an arm (x, y, z)."""
+    """Write the motion (rotation, translation) of a rigid body at an arm (x, y, z)."""
     wx, wy, wz = motion[0], motion[1], motion[2]
     there[0], there[1], there[2] = wx, wy, wz
     there[3] = motion[3] + (wy * z - wz * y)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Parallel: steps of trees on several threads, ranges of trees with a workspace each."""
+"""Parallel: steps of trees on several threads, by ranges of trees with a workspace each."""
 
 import numpy as np
 
@@ -24,10 +24,10 @@ def step(plan: state.Plan, model: state.Model, columns: state.State,
          workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, dt: float,
          threads: int) -> None:
     """
-    Advance every tree; as `integrator.step`, to the bit.
+    Advance every tree, with the result of `integrator.step`, to the last bit.
 
-    :param workspaces: one at least; more are added as threads need them.
-    :param threads: at most.
+    :param workspaces: at least one; more are added for further threads.
+    :param threads: largest number of threads.
     """
     def advance(place: int, first: int, last: int) -> None:
         integrator.step(plan._replace(start=plan.start[first:last + 1]), model, columns,
@@ -38,7 +38,7 @@ def step(plan: state.Plan, model: state.Model, columns: state.State,
 def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: state.Model,
               columns: state.State, workspaces: list[state.Scratch], wind: np.ndarray,
               gravity: np.ndarray, threads: int) -> None:
-    """Advance some trees; as `subset.step`, to the bit; see `step`."""
+    """Advance some trees, with the result of `subset.step`, to the last bit; see `step`."""
     def advance(place: int, first: int, last: int) -> None:
         subset.step(plan, trees[first:last], spans[first:last], model, columns,
                     workspaces[place], wind, gravity)
@@ -49,7 +49,7 @@ def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: sta
 def lean(plan: state.Plan, trees: np.ndarray, model: state.Model, columns: state.State,
          workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, goal: float,
          threads: int) -> None:
-    """Bend some trees to where they stand still; as `equilibrium.lean`, see `step`."""
+    """Set some trees to their static equilibrium, see `equilibrium.lean` and `step`."""
     def advance(place: int, first: int, last: int) -> None:
         equilibrium.lean(plan, trees[first:last], model, columns, workspaces[place], wind,
                          gravity, goal)
@@ -60,9 +60,9 @@ def lean(plan: state.Plan, trees: np.ndarray, model: state.Model, columns: state
 def run(work: pool.Work, ranges: np.ndarray, plan: state.Plan,
         workspaces: list[state.Scratch]) -> None:
     """
-    Do work on ranges of trees, each with the workspace of its place among them.
+    Run work on ranges of trees, each with its own workspace.
 
-    :param ranges: first tree of each, and one past the last.
+    :param ranges: first tree of each range, and one past the last.
     :param workspaces: see `step`.
     """
     while len(workspaces) < len(ranges) - 1:

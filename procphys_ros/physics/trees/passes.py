@@ -14,12 +14,12 @@
 
 
 """
-Passes over one tree: load, give (tip to root), take (root to tip), and once more for impulses.
+Passes over one tree: load, eliminate (tip to root), solve (root to tip), and again for impulses.
 
 Articulated bodies at velocity level in carry form: every segment keeps its own velocities from
-the last step; the passes project that momentum on the joints of one pose and add what springs,
-dampers, weight and air do over a time h, all of them implicit. All motions are velocities over h
-and all loads forces, so that a balanced tree stays exactly at rest.
+the last step; the passes project that momentum on the joints of one pose and add the effects of
+springs, dampers, weight and air over a time h, all of them implicit. All motions are velocities
+over h and all loads are forces, so that a balanced tree stays exactly at rest.
 """
 
 import math
@@ -71,15 +71,15 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
     """
     Load one tree and eliminate its joints from the tips to the root.
 
-    :param frame: the pose to do it at, `State.frame` or `State.middle`.
+    :param frame: pose to linearise about, `State.frame` or `State.middle`.
     :param wind: air velocity at the centres of mass [m/s], (S, 3).
     :param gravity: [m/s²], (3,).
-    :param h: implicit time [s]; 0 leaves nothing but momentum, so that motions are velocities.
-    :param dt: time that a bend has to reach its limit [s].
-    :param gate: 1, or 0 to hold the joints (then loads pass undiminished).
-    :param pressed: 1 if impulses that wait are loads, as forces over h, else 0; a number, since
+    :param h: implicit time [s]; with 0 only momentum counts, and motions are velocities.
+    :param dt: time for a bend to reach its limit [s].
+    :param gate: 1, or 0 to lock the joints (loads then pass unchanged).
+    :param pressed: 1 to apply pending impulses as loads, forces over h, else 0; a number, since
         numba would compile a second version for a literal False.
-    :returns: whether anything was done to the velocities since the last step.
+    :returns: whether velocities were changed since the last step.
     """
     changed = load_all(rows, model, state, scratch, frame, wind, gravity, h)
     if pressed != 0.0:
@@ -90,7 +90,7 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
 
 @subroutine(**INLINE)
 def load_all(rows, model, state, scratch, frame, wind, gravity, h):
-    """Load one tree, as `factor` says; tell whether its velocities were changed."""
+    """Write inertias and loads of one tree, see `factor`; return whether velocities changed."""
     a, changed, held = scratch.inertia, False, state.struck[rows[0], 1] != 0.0
     for k in range(len(rows)):
         changed |= was_changed(rows[k], state)
@@ -100,7 +100,7 @@ def load_all(rows, model, state, scratch, frame, wind, gravity, h):
 
 @subroutine(**INLINE)
 def eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate):
-    """Eliminate the joints of one tree, as `factor` says."""
+    """Eliminate the joints of one tree, see `factor`."""
     a = scratch.inertia
     for k in range(len(rows) - 1, -1, -1):
         i, up = rows[k], above[k]
@@ -118,7 +118,7 @@ def eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate):
 
 @subroutine(**INLINE)
 def was_changed(i, state):
-    """Return whether anything was done to the velocities of row i since the last step."""
+    """Return whether the velocities of row i were changed since the last step."""
     new, old = state.velocities, state.carried
     return (new[i, 0] != old[i, 0] or new[i, 1] != old[i, 1] or new[i, 2] != old[i, 2]
             or new[i, 3] != old[i, 3] or new[i, 4] != old[i, 4] or new[i, 5] != old[i, 5])
@@ -126,17 +126,17 @@ def was_changed(i, state):
 
 @subroutine(**INLINE)
 def apart(frame, i, up):
-    """Give the way from the joint point of row `up` to that of row i."""
+    """Return the vector from the joint point of row `up` to that of row i."""
     return frame[i, 0] - frame[up, 0], frame[i, 1] - frame[up, 1], frame[i, 2] - frame[up, 2]
 
 
 @subroutine(**INLINE)
 def turn_along(x, y, z, a, b, c, wx, wy, wz):
     """
-    Turn a spin as an axis turns from (x, y, z) to (a, b, c) on the shortest way.
+    Rotate an angular velocity with an axis, from (x, y, z) to (a, b, c) by the smallest rotation.
 
-    Turning with the axis, not with the body, keeps the kinetic energy of a symmetric segment
-    just as well and follows its precession better.
+    Rotation with the axis, not with the body, conserves the kinetic energy of a symmetric segment
+    as well, and follows its precession better.
     """
     sx, sy, sz = y * c - z * b, z * a - x * c, x * b - y * a
     cosine = x * a + y * b + z * c
@@ -148,7 +148,7 @@ def turn_along(x, y, z, a, b, c, wx, wy, wz):
 
 @subroutine(**INLINE)
 def load(i, k, body, state, frame, a, turned, wind, gravity, h, held):
-    """Write inertia and load of segment i, with the drag of the air implicit, into row k."""
+    """Write inertia and load of segment i, with implicit drag, into row k."""
     v, end = state.carried, state.frame
     x, y, z = frame[i, 9], frame[i, 10], frame[i, 11]
     wx, wy, wz = turn_along(end[i, 9], end[i, 10], end[i, 11], x, y, z, v[i, 3], v[i, 4], v[i, 5])
@@ -176,7 +176,7 @@ def load(i, k, body, state, frame, a, turned, wind, gravity, h, held):
 
 @subroutine(**INLINE)
 def pushed(i, body, state, frame):
-    """Give the impulses that wait for row i, at its joint point: 3 moments, 3 forces."""
+    """Return the pending impulses of row i at its joint point: 3 angular, 3 linear."""
     reach, push = body[i, REACH] + state.bend[i, 3], state.push
     x, y, z = reach * frame[i, 9], reach * frame[i, 10], reach * frame[i, 11]
     px, py, pz = push[i, 0], push[i, 1], push[i, 2]
@@ -187,10 +187,10 @@ def pushed(i, body, state, frame):
 @subroutine(**INLINE)
 def drag(i, x, y, z, wx, wy, wz, body, v, wind):
     """
-    Give the drag of segment i per speed: wood across its axis, foliage, and turning.
+    Compute the drag of segment i per speed: wood across its axis, foliage, and rotation.
 
     Wood follows the cross-flow principle (Hoerner 1965): only the flow normal to the axis counts.
-    Turning integrates the same law along the segment, over the translation and over the spin.
+    Rotational drag integrates the same law along the segment, over translation and rotation.
     """
     ux, uy, uz = v[i, 0] - wind[i, 0], v[i, 1] - wind[i, 1], v[i, 2] - wind[i, 2]
     square = ux * ux + uy * uy + uz * uz
@@ -212,7 +212,7 @@ def drag(i, x, y, z, wx, wy, wz, body, v, wind):
 
 @subroutine(**KERNEL)
 def take(rows, above, model, state, scratch, frame, h):
-    """Propagate motion from root to tips, and read the wrenches that the joints transmit."""
+    """Propagate motion from root to tips, and write the wrenches that the joints transmit."""
     motion = scratch.motion
     for k in range(len(rows)):
         i = rows[k]
@@ -232,7 +232,7 @@ def take(rows, above, model, state, scratch, frame, h):
 
 @subroutine(**INLINE)
 def handed_on(k, up, rows, frame, motion):
-    """Give the parent's motion at the joint point of entry k; the ground does not move."""
+    """Return the parent's motion at the joint point of entry k; zero for the ground."""
     v = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     if up >= 0:
         x, y, z = apart(frame, rows[k], rows[up])
@@ -243,7 +243,7 @@ def handed_on(k, up, rows, frame, motion):
 
 @subroutine(**INLINE)
 def transmit(k, i, a, v, wrenches):
-    """Write what the parent must exert on row i to move it so: force, then moment."""
+    """Write the wrench of the parent on row i for a motion v: force, then moment."""
     j, b, m, p = read(a, k)
     moment = turn_slope(j, b, v[0], v[1], v[2])
     force = slide_slope(b, m, v[3], v[4], v[5])
@@ -254,7 +254,7 @@ def transmit(k, i, a, v, wrenches):
 
 @subroutine(**KERNEL)
 def press(rows, model, state, scratch, frame, h):
-    """Load one tree with the impulses that wait for it, as forces over the time h."""
+    """Add the pending impulses of one tree to its loads, as forces over the time h."""
     for k in range(len(rows)):
         p = pushed(rows[k], model.body, state, frame)
         for c in range(6):
@@ -264,10 +264,10 @@ def press(rows, model, state, scratch, frame, h):
 @subroutine(**KERNEL)
 def kick(rows, above, model, state, scratch, frame, dt):
     """
-    Solve for what the waiting impulses alone cause, through the factors at hand.
+    Solve for the motion caused by pending impulses alone, with the present factors.
 
-    Impulses act evenly over the step. What velocities change by goes to `Scratch.kick`; half of it
-    is added to the mean rates of the step, and wrenches to those of the step.
+    Impulses act evenly over the step. Velocity changes go to `Scratch.kick`; half of them is
+    added to the mean rates of the step, and wrenches to those of the step.
     """
     a = scratch.inertia
     for k in range(len(rows)):
@@ -301,7 +301,7 @@ def kick(rows, above, model, state, scratch, frame, dt):
 
 @subroutine(**KERNEL)
 def pass_on(i, k, model, stop, frame, f, p):
-    """Eliminate the joint of row i from a load; give what is left."""
+    """Eliminate the joint of row i from a load; return the remaining load."""
     n1, n2, _ = joints.basis(stop, i)
     along = (frame[i, 9], frame[i, 10], frame[i, 11])
     if model.joint[i] == _SPRUNG:
@@ -324,7 +324,7 @@ def give(k, d, x, y, z, axis, f, p):
 
 @kernel
 def balance(plan, model, state, scratch, gravity, dt):
-    """Preload every joint with what the weight of the rest pose asks of it."""
+    """Preload every joint against the weight in the rest pose."""
     still = np.zeros((len(state.poses), 3))
     for t in range(len(plan.start) - 1):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Pose: where a segment stands, from its parent and the coordinates of its joint."""
+"""Pose: forward kinematics of segments from parents and joint coordinates."""
 
 import math
 
@@ -40,7 +40,7 @@ def multiply(a, b):
 
 @subroutine(**INLINE)
 def rotate(q, x, y, z):
-    """Turn a vector by a quaternion."""
+    """Rotate a vector by a quaternion."""
     qx, qy, qz, qw = q
     tx = 2.0 * (qy * z - qz * y)
     ty = 2.0 * (qz * x - qx * z)
@@ -51,7 +51,7 @@ def rotate(q, x, y, z):
 
 @subroutine(**INLINE)
 def sine_cosine(x):
-    """Give sine and cosine of an angle, of a small one by series to rounding."""
+    """Return sine and cosine of an angle, for small ones by series, exact to rounding."""
     s = x * x
     if s < 0.015625:
         sine = x + x * s * (_S3 + s * (_S5 + s * (_S7 + s * _S9)))
@@ -66,7 +66,7 @@ def place(k, rows, above, model, state):
     """
     Set frame and pose of entry k of a tree from its parent, or from the world.
 
-    The joint turns about x, then about the turned y, then twists about the segment and slides
+    The joint rotates about x, then about the rotated y, then twists about the segment and slides
     along it.
     """
     i, mount = rows[k], model.mount
@@ -97,7 +97,7 @@ def place(k, rows, above, model, state):
 
 @subroutine(**INLINE)
 def set_frame(i, x, y, z, q, cosine, sine, frame, middle):
-    """Write joint point and axes of row i; the first axis is the one before the second turn."""
+    """Write joint point and axes of row i; the first axis is that before the second rotation."""
     qx, qy, qz, qw = q
     ax = 2.0 * (qx * qz + qy * qw)
     ay = 2.0 * (qy * qz - qx * qw)
@@ -119,14 +119,14 @@ def set_frame(i, x, y, z, q, cosine, sine, frame, middle):
 
 @subroutine(**INLINE)
 def put(i, c, value, frame, middle):
-    """Change a column of the frame; extrapolate by half the change to the next step's middle."""
+    """Set a column of the frame; extrapolate it by half the change to the next step's middle."""
     middle[i, c] = value + 0.5 * (value - frame[i, c])
     frame[i, c] = value
 
 
 @subroutine(**INLINE)
 def normalise_axis(i, middle):
-    """Normalise the extrapolated axis of row i; what rests keeps its axis to the bit."""
+    """Normalise the extrapolated axis of row i; at rest the axis is kept to the last bit."""
     x, y, z = middle[i, 9], middle[i, 10], middle[i, 11]
     excess = x * x + y * y + z * z - 1.0
     if excess > 1e-12:
@@ -139,7 +139,7 @@ def normalise_axis(i, middle):
 
 @kernel(**KERNEL)
 def place_all(plan, model, state):
-    """Place every active row that hangs on a joint."""
+    """Place every active row with a joint, and reset the frames at the middle of the step."""
     for t in range(len(plan.start) - 1):
         rows = plan.row[plan.start[t]:plan.start[t + 1]]
         above = plan.above[plan.start[t]:plan.start[t + 1]]
@@ -154,10 +154,10 @@ def place_all(plan, model, state):
 @subroutine(**INLINE)
 def advance_bend(i, first, second, dt, model, state):
     """
-    Move the bend of row i on to the end of the step and stop it at its limit.
+    Advance the bend of row i to the end of the step and clamp it at its limit.
 
     :param first: mean rate about the first axis, `second` about the other [rad/s].
-    :returns: elastic energy that the stop has added, mostly below zero [J].
+    :returns: elastic energy added by clamping, mostly negative [J].
     """
     bend, stop, won = state.bend, state.stop, 0.0
     x = bend[i, 0] + dt * first
@@ -182,7 +182,7 @@ def advance_bend(i, first, second, dt, model, state):
 @subroutine(**KERNEL)
 def advance_free(i, dt, v, model, state):
     """
-    Move a free root on with its mean velocity over the step: exact in free fall.
+    Advance a free root by its mean velocity over the step: exact in free fall.
 
     :param v: linear of the centre of mass and angular [m/s], [rad/s], 6 numbers.
     """

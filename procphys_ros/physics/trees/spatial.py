@@ -14,22 +14,22 @@
 
 
 """
-Spatial: articulated inertias and loads as tuples of floats, and what joints do to them.
+Spatial: articulated inertias and loads as tuples of floats, and elimination of joints.
 
 In world axes, about a point: angular inertia J (xx xy xz yy yz zz), coupling B (angular rows,
 linear columns), linear inertia M (as J), load (moment, force), motion (angular, linear), so that
 moment = J·α + B·a and force = Bᵀ·α + M·a (Featherstone 2008, Rigid Body Dynamics Algorithms,
-chapter 7, written out). Everything here is inlined: tuples become processor registers. LLVM does
-that; numba would type and lower each copy anew, which takes half as long again to compile.
+chapter 7, written out). All functions are inlined by LLVM: tuples become processor registers.
+Inlining by numba would type and lower each copy again, and take 50 % longer to compile.
 """
 
 from procphys_ros.compilation import subroutine
 
-WIDTH = 27  # of a row that keeps J, B, M and the load in this order
-FACTOR_WIDTH = 8  # of a row that keeps a slope, an inverse inertia and a drive
-# Without run-time reference counts: inlined array arguments would cost an atomic increment per use
-# and double the time of a step. Functions under these options cannot allocate. Strict arithmetic
-# (no fused products) keeps what is balanced exactly balanced.
+WIDTH = 27  # of a row of J, B, M and the load in this order
+FACTOR_WIDTH = 8  # of a row of a slope, an inverse inertia and a drive
+# No reference counting: inlined array arguments would cost an atomic increment per use
+# and double the time of a step. Functions with these options cannot allocate. Strict arithmetic
+# (no fused products) keeps balanced trees exactly balanced.
 KERNEL = {'_nrt': False}
 INLINE = {**KERNEL, 'forceinline': True}
 
@@ -37,10 +37,10 @@ INLINE = {**KERNEL, 'forceinline': True}
 @subroutine(**INLINE)
 def symmetric(x, y, z, h, linear, cross, turn, spin):
     """
-    Give J, B, M of a symmetric body about a point on its axis (x, y, z).
+    Compute J, B, M of a symmetric body about a point on its axis (x, y, z).
 
     :param h: distance of the centre of mass from the point, along the axis [m].
-    :param linear: mass across the axis, `cross` more than along it [kg].
+    :param linear: mass across the axis, by `cross` larger than along it [kg].
     :param turn: moment of inertia across the axis about the centre of mass, `spin` along it.
     """
     shift = linear * h
@@ -57,7 +57,7 @@ def symmetric(x, y, z, h, linear, cross, turn, spin):
 
 @subroutine(**INLINE)
 def turn_slope(j, b, x, y, z):
-    """Give inertia times a unit turn about (x, y, z): 3 moments, 3 forces."""
+    """Return inertia times a unit rotation about (x, y, z): 3 moments, 3 forces."""
     return (j[0] * x + j[1] * y + j[2] * z, j[1] * x + j[3] * y + j[4] * z,
             j[2] * x + j[4] * y + j[5] * z, b[0] * x + b[3] * y + b[6] * z,
             b[1] * x + b[4] * y + b[7] * z, b[2] * x + b[5] * y + b[8] * z)
@@ -65,7 +65,7 @@ def turn_slope(j, b, x, y, z):
 
 @subroutine(**INLINE)
 def slide_slope(b, m, x, y, z):
-    """Give inertia times a unit slide along (x, y, z): 3 moments, 3 forces."""
+    """Return inertia times a unit translation along (x, y, z): 3 moments, 3 forces."""
     return (b[0] * x + b[1] * y + b[2] * z, b[3] * x + b[4] * y + b[5] * z,
             b[6] * x + b[7] * y + b[8] * z, m[0] * x + m[1] * y + m[2] * z,
             m[1] * x + m[3] * y + m[4] * z, m[2] * x + m[4] * y + m[5] * z)
@@ -95,7 +95,7 @@ def relieve(p, u, push):
 
 @subroutine(**INLINE)
 def shift(j, b, m, x, y, z):
-    """Move an inertia to a point at (-x, -y, -z) from its own."""
+    """Shift an inertia to a reference point at (-x, -y, -z) from its own."""
     c = (b[0] + y * m[2] - z * m[1], b[1] + y * m[4] - z * m[3], b[2] + y * m[5] - z * m[4],
          b[3] + z * m[0] - x * m[2], b[4] + z * m[1] - x * m[4], b[5] + z * m[2] - x * m[5],
          b[6] + x * m[1] - y * m[0], b[7] + x * m[3] - y * m[1], b[8] + x * m[4] - y * m[2])
@@ -111,21 +111,21 @@ def shift(j, b, m, x, y, z):
 
 @subroutine(**INLINE)
 def shift_load(p, x, y, z):
-    """Move a load to a point at (-x, -y, -z) from its own."""
+    """Shift a load to a reference point at (-x, -y, -z) from its own."""
     return (p[0] + y * p[5] - z * p[4], p[1] + z * p[3] - x * p[5], p[2] + x * p[4] - y * p[3],
             p[3], p[4], p[5])
 
 
 @subroutine(**INLINE)
 def shift_motion(v, x, y, z):
-    """Give the motion of the same body at a point at (x, y, z) from the first."""
+    """Shift a motion to a reference point at (x, y, z) from its own."""
     return (v[0], v[1], v[2], v[3] + v[1] * z - v[2] * y, v[4] + v[2] * x - v[0] * z,
             v[5] + v[0] * y - v[1] * x)
 
 
 @subroutine(**INLINE)
 def dot(a, b):
-    """Multiply a motion and a load."""
+    """Return the dot product of a motion and a load."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
@@ -189,7 +189,7 @@ def read_load(a, k):
 
 @subroutine(**INLINE)
 def write_load(a, k, p):
-    """Write a load to row k and leave its inertia."""
+    """Write a load to row k; its inertia is unchanged."""
     a[k, 21], a[k, 22], a[k, 23], a[k, 24], a[k, 25], a[k, 26] = p
 
 

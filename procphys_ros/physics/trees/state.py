@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""State of the forest: the flat arrays that the passes of the kernel share."""
+"""State of the forest: flat arrays shared by the passes of the kernel."""
 
 from enum import IntEnum
 from typing import NamedTuple
@@ -29,11 +29,11 @@ POINT, FIRST, SECOND, AXIS = 0, 3, 6, 9
 
 
 class Joint(IntEnum):
-    """What ties a segment to its parent."""
+    """Joint between a segment and its parent."""
 
     SWING = 0   # bends in two directions
     SPRUNG = 1  # bends, and twists or stretches
-    FREE = 2    # nothing: root of a broken-off tree
+    FREE = 2    # none: root of a broken-off tree
 
 
 class Model(NamedTuple):
@@ -47,7 +47,7 @@ class Model(NamedTuple):
 
 
 class State(NamedTuple):
-    """What moves, one row per segment; world axes."""
+    """Variables, one row per segment; world axes."""
 
     bend: np.ndarray        # bends about the two axes, twist [rad], stretch [m], (S, 4)
     stop: np.ndarray        # direction of a bend held at its limit, zero when free, (S, 2)
@@ -55,13 +55,13 @@ class State(NamedTuple):
     middle: np.ndarray      # the same, extrapolated to the middle of the next step, (S, 12)
     poses: np.ndarray       # centre of mass and attitude [m], (S, 7)
     velocities: np.ndarray  # linear of the centre of mass, angular [m/s], [rad/s], (S, 6)
-    carried: np.ndarray     # the same as the last step left them; what velocities differ by is an
-    #                         impulse for the next step, (S, 6)
+    carried: np.ndarray     # the same at the end of the last step; the difference of velocities is
+    #                         an impulse for the next step, (S, 6)
     wrenches: np.ndarray    # force and moment from the parent at the joint [N], [N·m], (S, 6)
-    push: np.ndarray        # impulse and angular impulse at the centre of mass, to be taken up in
+    push: np.ndarray        # pending linear and angular impulse at the centre of mass, applied in
     #                         the next step [N·s], [N·m·s], (S, 6)
-    struck: np.ndarray      # at root rows: not 0 when anything in the tree is pushed; and, at all
-    #                         rows, when anything in the tree was ever anchored, (S, 2)
+    struck: np.ndarray      # not 0: at root rows, when the tree has pending impulses; and, at all
+    #                         rows, when any part of the tree was ever anchored, (S, 2)
     age: np.ndarray         # at root rows: steps taken in motion, (S, 1)
     anchor: np.ndarray      # columns named in `anchors`, (S, 8)
 
@@ -72,10 +72,10 @@ class Scratch(NamedTuple):
     inertia: np.ndarray  # `spatial` rows, (n, 27)
     factor: np.ndarray   # per degree of freedom, (n, 4, 8)
     motion: np.ndarray   # angular and linear velocity over the time, at the joint point, (n, 6)
-    kick: np.ndarray     # the same of what impulses cause, not over the time, (n, 6)
-    jump: np.ndarray     # joint rates that impulses cause, (n, 4)
-    blow: np.ndarray     # impulses that joints transmit of them, as `State.wrenches`, (n, 6)
-    spin: np.ndarray     # carried spin, turned with the axis to the middle of the step, (n, 3)
+    kick: np.ndarray     # velocity change by impulses, not over the time, (n, 6)
+    jump: np.ndarray     # change of joint rates by impulses, (n, 4)
+    blow: np.ndarray     # impulses that joints transmit, as `State.wrenches`, (n, 6)
+    spin: np.ndarray     # carried spin, rotated with the axis to the middle of the step, (n, 3)
     rate: np.ndarray     # mean joint rates over the step, (n, 4)
     before: np.ndarray   # bends, twist and stretch before the step, (n, 4)
     bound: np.ndarray    # rate at which a held bend just reaches its limit [rad/s], (n,)
@@ -83,16 +83,16 @@ class Scratch(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """Which rows move, tree by tree, parents first."""
+    """Active rows, tree by tree, parents first."""
 
     row: np.ndarray    # (A,) int
-    above: np.ndarray  # parent's place within its tree, -1 for a root, (A,) int
+    above: np.ndarray  # parent's index within its tree, -1 for a root, (A,) int
     start: np.ndarray  # first entry of each tree, and the end, (T + 1,) int
     root: np.ndarray   # first row of the tree of each row, active or not, (S,) int
 
 
 def make_model(rows: layout.Rows) -> Model:
-    """Share the arrays of the layout."""
+    """Build the model, which shares the arrays of the layout."""
     locked = np.isinf(rows.extra[:, layout.EXTRA_STIFFNESS]) & np.isinf(
         rows.extra[:, layout.EXTRA_STRIDE + layout.EXTRA_STIFFNESS])
     joint = np.where(locked, Joint.SWING, Joint.SPRUNG).astype(np.uint8)
@@ -100,13 +100,13 @@ def make_model(rows: layout.Rows) -> Model:
 
 
 def make_state(count: int) -> State:
-    """Give a state of rest whose poses are still to be placed."""
+    """Allocate a state at rest; poses are placed later."""
     widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 2, 1, anchors.WIDTH
     return State(*(np.zeros((count, width)) for width in widths))
 
 
 def make_scratch(plan: Plan) -> Scratch:
-    """Give a workspace that fits the largest tree."""
+    """Allocate a workspace for the largest tree."""
     size = int(np.diff(plan.start).max(initial=1))
     return Scratch(inertia=np.zeros((size, WIDTH)), factor=np.zeros((size, 4, FACTOR_WIDTH)),
                    motion=np.zeros((size, 6)), kick=np.zeros((size, 6)), jump=np.zeros((size, 4)),
@@ -118,7 +118,7 @@ def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
     """
     Gather the active rows by tree.
 
-    :param parent: row of the parent, -1 for roots; parents stand first, (S,).
+    :param parent: row of the parent, -1 for roots; parents come first, (S,).
     :param active: (S,) bool; the parent of an active row is active.
     """
     return Plan(*_gather(parent, active))
@@ -135,7 +135,7 @@ def _gather(parent, active):
     start, place = np.zeros(len(roots) + 1, np.int64), np.empty(len(parent), np.int64)
     for t in range(len(roots)):
         start[t + 1] = start[t] + count[roots[t]]
-        count[roots[t]] = start[t]  # from now on, where the next row of this tree goes
+        count[roots[t]] = start[t]  # from now on, entry of the next row of this tree
     row, above = np.empty(start[-1], np.int64), np.full(start[-1], -1)
     for i in range(len(parent)):
         if active[i]:

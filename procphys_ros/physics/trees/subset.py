@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Subset: steps and impulses of some trees of a forest while the others stand still."""
+"""Subset: steps and impulses of some trees of a forest while the others do not move."""
 
 import numpy as np
 
@@ -29,10 +29,10 @@ _AXIS = int(AXIS)
 @kernel(**KERNEL, nogil=True)
 def step(plan, trees, spans, model, state, scratch, wind, gravity):
     """
-    Advance some trees, each by a time of its own; see `integrator.step`.
+    Advance some trees, each by its own time step; see `integrator.step`.
 
-    :param trees: places in the plan, (K,).
-    :param spans: how far each goes [s], (K,).
+    :param trees: indices in the plan, (K,).
+    :param spans: time step of each [s], (K,).
     """
     for n in range(len(trees)):
         first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
@@ -57,7 +57,7 @@ def rows_of(plan, trees):
 
 @kernel
 def hold(rows, state):
-    """Stop trees dead where they are; their joints keep their bends."""
+    """Set trees to rest at their present bends."""
     for i in rows:
         for c in range(6):
             state.velocities[i, c] = 0.0
@@ -71,7 +71,7 @@ def hold(rows, state):
 
 @kernel
 def kinetic(plan, trees, body, state):
-    """Give the kinetic energy per mass of some trees [J/kg], (K,)."""
+    """Compute the kinetic energy per mass of some trees [J/kg], (K,)."""
     out = np.empty(len(trees))
     for n in range(len(trees)):
         energy, mass = 0.0, 0.0
@@ -106,7 +106,7 @@ def push(rows, points, impulses, root, state):
 
 @kernel
 def masses(plan, entry, body):
-    """Give the masses of the trees that entries of the plan belong to [kg], (K,)."""
+    """Compute the masses of the trees of entries of the plan [kg], (K,)."""
     total = np.full(len(plan.start) - 1, -1.0)
     tree = np.searchsorted(plan.start, entry, side='right') - 1
     out = np.empty(len(entry))
@@ -121,11 +121,11 @@ def masses(plan, entry, body):
 @kernel
 def write_between(plan, trees, share, start, end, velocities, parts, poses, speeds):
     """
-    Write poses on the way from one set of poses to another to the parts that rows stand for.
+    Write interpolated poses of rows to their parts.
 
-    :param share: of the way that each tree has gone, (K,); 1 gives the end to the bit.
-    :param start: poses of all rows where the way begins, (S, 7).
-    :param end: and where it ends, (S, 7).
+    :param share: interpolation parameter of each tree, (K,); 1 returns the end to the last bit.
+    :param start: poses of all rows at the start, (S, 7).
+    :param end: and at the end, (S, 7).
     :param velocities: of all rows at the end, (S, 6).
     :param parts: part of each row, (S,).
     :param poses: of all parts, (N, 7), written in place; `speeds` (N, 6) likewise.
