@@ -18,7 +18,7 @@ Air blast of a charge of TNT: pressure, duration, impulse, arrival.
 Curves of Kingery & Bulmash (`kingery_bulmash`) over the scaled distance Z = R / W^(1/3)
 [m/kg^(1/3)] for a spherical charge in free air and a hemispherical one on the ground. Times and
 impulses of W kg are W^(1/3) those of 1 kg. `ground` is 0 for the one, 1 for the other; between
-them logarithms are taken in proportion.
+them logarithms are interpolated.
 """
 
 import numpy as np
@@ -28,7 +28,7 @@ from procphys_ros.physics.loads import kingery_bulmash as fits
 
 AMBIENT = 101_325.0      # [Pa]
 SOUND = 340.3           # [m/s] at 15 °C
-_FREE_AIR = 1.0          # [m/kg^(1/3)] scaled height from which a burst counts as free
+_FREE_AIR = 1.0          # [m/kg^(1/3)] least scaled height of a free-air burst
 _FAR_PRESSURE = -1.4066  # exponents of Z beyond the range of the fits: those of Swisdak 1994 for
 _FAR_IMPULSE = -1.062    # the last part of it
 
@@ -41,7 +41,7 @@ def _curve(air: fits.Fit, ground_fit: fits.Fit, z: np.ndarray, ground: float,
 
 
 def _beyond(z: np.ndarray) -> np.ndarray:
-    """Give how many times further than the fits go a distance is, at least 1."""
+    """Return the distance over the largest distance of the fits, at least 1."""
     return np.maximum(np.asarray(z, float) / fits.MOST, 1.0)
 
 
@@ -57,7 +57,7 @@ def overpressure(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 
 
 def reflected(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
-    """Compute the peak overpressure on a wall square to the wave [Pa]."""
+    """Compute the peak overpressure on a wall normal to the wave [Pa]."""
     return power(_beyond(z), _FAR_PRESSURE) * _curve(
         fits.REFLECTED_AIR, fits.REFLECTED_GROUND, z, ground, fits.PRESSURE_UNIT)
 
@@ -69,7 +69,7 @@ def impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 
 
 def reflected_impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
-    """Compute the impulse of the positive phase on a wall square to the wave [Pa·s/kg^(1/3)]."""
+    """Compute the impulse of the positive phase on a wall normal to the wave [Pa·s/kg^(1/3)]."""
     return power(_beyond(z), _FAR_IMPULSE) * _curve(
         fits.REFLECTED_IMPULSE_AIR, fits.REFLECTED_IMPULSE_GROUND, z, ground, fits.IMPULSE_UNIT)
 
@@ -77,17 +77,17 @@ def reflected_impulse(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
                     ground: float = 0.0) -> np.ndarray:
     """
-    Compute the impulse on a wall square to the wave, of which some clears over its edges.
+    Compute the impulse on a wall normal to the wave, with clearing over its edges.
 
-    UFC 3-340-02, 2-15.3: the reflected pressure falls in a straight line to the sum of side-on and
-    dynamic pressure, which takes 4·S / ((1 + S/G)·c); these fall on in a straight line. S is the
-    less of the height and half the width of the wall, G the greater. The reflected impulse of a
-    wall without end is the most; all of it is left where the wave has passed before the pressure
+    UFC 3-340-02, 2-15.3: the reflected pressure falls linearly to the sum of side-on and
+    dynamic pressure within 4·S / ((1 + S/G)·c); these go on falling linearly. S is the
+    lesser of the height and half the width of the wall, G the greater. The reflected impulse of an
+    infinite wall is the upper bound; it remains where the wave has passed before the pressure
     can fall, as near a charge. The sound speed c in the reflected wave follows from the
     Rankine-Hugoniot relations, where the UFC reads it off a curve; the drag coefficient is 1.
 
     :param z: scaled distance [m/kg^(1/3)], (K,).
-    :param front: S and G [m/kg^(1/3)], (2, K); inf = a wall without end.
+    :param front: S and G [m/kg^(1/3)], (2, K); inf = an infinite wall.
     :param ground: share of a burst on the ground.
     :returns: [Pa·s/kg^(1/3)], (K,).
     """
@@ -108,7 +108,7 @@ def cleared_impulse(z: np.ndarray, front: np.ndarray | float,
 
 
 def _reflected_sound(pressure: np.ndarray) -> np.ndarray:
-    """Give the speed of sound behind a reflected shock of that side-on overpressure [m/s]."""
+    """Compute the speed of sound behind a reflected shock of a side-on overpressure [m/s]."""
     square = 1.0 + 6.0 * pressure / (7.0 * AMBIENT)  # of the Mach number
     heat = (0.8 * square + 1.6) * (3.2 * square - 0.8) / (5.76 * square)
     return SOUND * np.sqrt(heat)
@@ -120,22 +120,22 @@ def duration(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
 
 
 def arrival(z: np.ndarray, ground: float = 0.0) -> np.ndarray:
-    """Compute when the front arrives [s/kg^(1/3)]."""
+    """Compute the arrival time of the front [s/kg^(1/3)]."""
     beyond = np.maximum(np.asarray(z, float) - fits.MOST, 0.0) / SOUND
     return beyond + _curve(fits.ARRIVAL_AIR, fits.ARRIVAL_GROUND, z, ground, fits.TIME_UNIT)
 
 
 def dynamic_pressure(pressure: np.ndarray) -> np.ndarray:
-    """Compute the dynamic pressure [Pa] of the air behind a shock of that overpressure."""
+    """Compute the dynamic pressure [Pa] of the air behind a shock of an overpressure."""
     return 2.5 * (pressure * pressure) / (7.0 * AMBIENT + pressure)
 
 
 def dynamic_load_factor(phase: np.ndarray) -> np.ndarray:
     """
-    Give the largest deflection under a triangular pulse over the steady one under its peak.
+    Compute the dynamic load factor: largest deflection under a triangular pulse over the static.
 
     Of an undamped oscillator (Biggs 1964, Introduction to Structural Dynamics, 2.5): phase/2 for a
-    short pulse, 2 for an endless one.
+    short pulse, 2 for an infinite one.
 
     :param phase: angular frequency of the oscillator times the duration of the pulse, (K,).
     """
@@ -147,15 +147,15 @@ def dynamic_load_factor(phase: np.ndarray) -> np.ndarray:
 
 
 def shock_speed(pressure: np.ndarray) -> np.ndarray:
-    """Compute the speed [m/s] of a shock of that overpressure (Rankine-Hugoniot)."""
+    """Compute the speed [m/s] of a shock of an overpressure (Rankine-Hugoniot)."""
     return SOUND * np.sqrt(1.0 + 6.0 * pressure / (7.0 * AMBIENT))
 
 
 def ground_share(charge: float, height: float) -> float:
     """
-    Say how far a burst is one on the ground, 1, rather than free in the air, 0.
+    Compute the interpolation parameter of a burst: 1 on the ground, 0 in free air.
 
-    The straight line between them stands for Mach stems, which the curves do not know.
+    The linear interpolation stands for Mach stems, which the curves do not include.
 
     :param charge: mass of TNT [kg].
     :param height: of the charge above ground [m].

@@ -29,18 +29,18 @@ from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, faces, reflections
 from procphys_ros.physics.loads.sight import Sight
 
-_OFF_FACE = 1e-4      # [m] rays start this far off a face
-_LARGEST = 1e6        # [kg] charge beyond any use (a kiloton), where the scene ends
+_OFF_FACE = 1e-4      # [m] offset of the start of rays from a face
+_LARGEST = 1e6        # [kg] largest charge (a kiloton), which exceeds the size of scenes
 
 
 @dataclass(frozen=True)
 class Impulses:
     """
-    What a blast gives to each of N bodies.
+    Impulses of a blast on N bodies.
 
     :ivar linear: (N, 3) [N·s], world.
     :ivar angular: about the centre, (N, 3) [N·m·s], world.
-    :ivar arrival: when the front comes to the centre [s] after the explosion, (N,).
+    :ivar arrival: of the front at the centre [s] after the explosion, (N,).
     :ivar peak: largest force in the direction of the impulse [N], (N,).
     """
 
@@ -51,12 +51,12 @@ class Impulses:
 
     @property
     def duration(self) -> np.ndarray:
-        """Give how long a triangular pulse of that peak and impulse lasts [s], (N,)."""
+        """Return the duration of a triangular pulse of that peak and impulse [s], (N,)."""
         size = norm(self.linear, axis=1)
         return 2.0 * size / np.maximum(self.peak, 1e-9)
 
     def points(self, centres: np.ndarray) -> np.ndarray:
-        """Return where the linear impulses would have to act, (N, 3), world."""
+        """Return the points of action of the linear impulses, (N, 3), world."""
         square = (self.linear * self.linear).sum(axis=1, keepdims=True)
         arm = np.cross(self.linear, self.angular) / np.where(square > 0.0, square, 1.0)
         return centres + arm
@@ -70,24 +70,23 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
     """
     Compute the impulses on boxes.
 
-    The impulse on a face seen under the angle of incidence i is that of ConWep (TM 5-855-1):
+    The impulse on a face under the angle of incidence i is that of ConWep (TM 5-855-1):
     reflected · cos² i + side-on · (1 - cos i)². The reflected pressure clears from the edges of
-    what a box belongs to, see `air_blast.cleared_impulse`. Faces that cannot see the charge get
-    none, but for the skins of buildings, which get the side-on impulse at their distance as roof,
-    side and rear walls do in UFC 3-340-02, 2-15.4; nearer ones do not spare them. Waves that walls
-    around the charge throw back add their impulses, see `reflections`.
+    the wall that a box belongs to, see `air_blast.cleared_impulse`. Faces that cannot see the
+    charge get none, except for the skins of buildings, which get the side-on impulse at their
+    distance like roof, side and rear walls in UFC 3-340-02, 2-15.4, without shielding. Waves
+    reflected by walls around the charge add their impulses, see `reflections`.
 
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
-    :param blocking: which boxes shield others, (N,) bool; None = all.
-    :param sight: the boxes as already listed for rays; None = list them now.
+    :param blocking: boxes that shield others, (N,) bool; None = all.
+    :param sight: existing lines of sight among the boxes; None = build them.
     :param ground: height of the ground below the charge [m].
-    :param fronts: of what each box belongs to, across each of the box's three axes: height or
-        half the width, the less and the greater of them [m], (N, 3, 2); None = so large that
-        nothing clears.
-    :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
+    :param fronts: of each box's wall, across each of the box's three axes: the lesser and the
+        greater of height and half the width [m], (N, 3, 2); None = infinite, without clearing.
+    :param centres: reference points of moments, (N, 3) [m]; None = those of the boxes.
     :param skin: faces with a room behind them, (N, 6) bool, see `skin.outer_faces`; None = none.
     :raises CommandError: when point or charge are out of range.
     """
@@ -122,7 +121,7 @@ class _Loads(NamedTuple):
 
 def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.Patches,
           sight: Sight, fronts: np.ndarray | None, outer: np.ndarray) -> _Loads:
-    """Compute what the wave of a charge, or of an image of it, does to patches that it reaches."""
+    """Compute the loads of the wave of a charge, or of an image of it, on exposed patches."""
     one_sided = outer[patches.owner, patches.face]
     towards = image.place - patches.centre
     distance = np.maximum(norm(towards, axis=1), 1e-9)
@@ -144,16 +143,16 @@ def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.P
 def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, sizes: np.ndarray,
                    sight: Sight | None = None, ground: float = 0.0) -> Impulses:
     """
-    Compute the impulses on slender segments from the shadow that they throw.
+    Compute the impulses on slender segments from their projected areas.
 
-    A thin body is engulfed at once: it takes half the reflected pressure for the time the front
-    needs to pass it, then drag, whose pressure falls off with the square of the overpressure.
+    A thin body is engulfed at once: it takes half the reflected pressure while the front passes
+    it, then drag, whose pressure falls off with the square of the overpressure.
 
     :param point: of the charge, (3,) [m], world.
     :param charge: mass of TNT [kg].
     :param poses: (N, 7) [m], xyzw, world; the axis is z.
     :param sizes: diameter, diameter, length over the round ends, (N, 3) [m].
-    :param sight: boxes that shield; None = nothing does.
+    :param sight: boxes that shield; None = no shielding.
     :param ground: height of the ground below the charge [m].
     :raises CommandError: when point or charge are out of range.
     """
@@ -183,13 +182,13 @@ def blast_capsules(point: Sequence[float], charge: float, poses: np.ndarray, siz
 def incidence(squarely: np.ndarray, side_on: np.ndarray, cosine: np.ndarray,
               one_sided: np.ndarray | bool = False) -> np.ndarray:
     """
-    Give the impulse or pressure on faces under an angle of incidence.
+    Compute the impulse or pressure on faces under an angle of incidence.
 
-    :param squarely: on a face square to the wave, (K,).
-    :param side_on: on one along the wave, (K,).
-    :param cosine: of the angle between the face's normal and the direction of the charge, (K,).
-    :param one_sided: faces with a room behind them, (K,) bool; a wave that grazes others soon
-        presses on their far sides as well.
+    :param squarely: on a face normal to the wave, (K,).
+    :param side_on: on a face along the wave, (K,).
+    :param cosine: of the angle between the face's normal and the direction to the charge, (K,).
+    :param one_sided: faces with a room behind them, (K,) bool; a grazing wave soon presses on the
+        far sides of others as well.
     """
     graze = 1.0 - cosine
     return squarely * (cosine * cosine) + side_on * graze * np.where(
@@ -197,7 +196,7 @@ def incidence(squarely: np.ndarray, side_on: np.ndarray, cosine: np.ndarray,
 
 
 def _arrival(point: np.ndarray, scale: float, ground: float, poses: np.ndarray) -> np.ndarray:
-    """Give when the front arrives at bodies [s], (N,)."""
+    """Compute the arrival times of the front at bodies [s], (N,)."""
     z = norm(poses[:, :3] - point, axis=1) / scale
     return scale * air_blast.arrival(z, ground)
 
@@ -209,7 +208,7 @@ def _axes(poses: np.ndarray) -> np.ndarray:
 
 def _check(point: Sequence[float], charge: float,
            ground: float) -> tuple[np.ndarray, float, float]:
-    """Return the place and W^(1/3) of the charge, and how far it is one on the ground."""
+    """Check a charge; return its position, W^(1/3), and share of a burst on the ground."""
     place = np.asarray(point, float)
     if place.shape != (3,) or not np.isfinite(place).all():
         raise CommandError(f'explosion.position is {list(point)}, it must be three finite numbers')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Faces of oriented boxes, cut into patches that are small enough to load at their centres."""
+"""Faces of oriented boxes, divided into patches that are loaded at their centres."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.compilation import kernel
 
-_PATCH = 0.5       # [m] wished edge of a patch
+_PATCH = 0.5       # [m] target edge of a patch
 _MOST_PATCHES = 8  # along one edge of a face
 
 
@@ -51,7 +51,7 @@ class Patches:
 
 
 def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarray:
-    """Return which faces of boxes a point lies in front of, (N, 6) bool."""
+    """Mark the faces of boxes that face a point, (N, 6) bool."""
     offset = np.einsum('nji,nj->ni', rotation.to_matrix(poses[:, 3:]), point - poses[:, :3])
     return np.stack([offset < -0.5 * sizes, offset > 0.5 * sizes], axis=2).reshape(-1, 6)
 
@@ -59,12 +59,12 @@ def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarra
 def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
         patch: float = _PATCH) -> Patches:
     """
-    Cut faces of boxes into patches.
+    Divide faces of boxes into patches.
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
-    :param wanted: which faces to cut, (N, 6) bool.
-    :param patch: wished edge of a patch [m]; inf = one patch per face.
+    :param wanted: faces to divide, (N, 6) bool.
+    :param patch: target edge of a patch [m]; inf = one patch per face.
     """
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     counts = np.clip(np.ceil(sizes / patch), 1, _MOST_PATCHES).astype(np.int64)
@@ -73,7 +73,7 @@ def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
 
 @kernel
 def _cut(poses, axes, sizes, counts, wanted):
-    """Write the patches face by face, so that like patches of neighbours follow each other."""
+    """Write the patches face by face, so that equal patches of neighbours are adjacent."""
     total = 0
     for face in range(6):
         u, v = (face // 2 + 1) % 3, (face // 2 + 2) % 3
@@ -106,7 +106,7 @@ def gather(patches: Patches, loads: np.ndarray, centres: np.ndarray) -> tuple:
     """
     Sum loads on patches per box.
 
-    :param patches: K of them.
+    :param patches: K patches.
     :param loads: (K, 3), world.
     :param centres: of mass of the boxes, (N, 3).
     :returns: sum (N, 3) and its moment about the centre (N, 3), world.

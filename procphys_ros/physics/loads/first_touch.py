@@ -14,10 +14,10 @@
 
 
 """
-First touch of a moving body and single targets; all bodies keep their attitude on the way.
+First touch of a moving body and single targets; the body translates without rotation.
 
-Every function returns share of the way (inf = no touch), point on the target and normal out of
-it, one row per target. Bodies that overlap from the start touch at 0.
+Every function returns time of impact as a share of the path (inf = no touch), point on the target
+and normal out of it, one row per target. Bodies that overlap from the start touch at 0.
 """
 
 import numpy as np
@@ -25,7 +25,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.linear_kernels import transformed
 
-_EXACT = 1e-9    # [m] closeness at which a body counts as touching
+_EXACT = 1e-9    # [m] distance at which a body counts as touching
 _ROUNDS = 50     # of Newton's method, which needs less than ten
 _TINY = 1e-12
 
@@ -33,10 +33,10 @@ _TINY = 1e-12
 @kernel(error_model='numpy')
 def sphere_on_boxes(start, along, radius, centres, axes, halves):
     """
-    Move a sphere towards boxes.
+    Compute the first touch of a moving sphere with boxes.
 
     In a box's frame the squared distance of the centre is a convex, piecewise quadratic function
-    of the share of the way, whose pieces end where a coordinate crosses a face: it is solved
+    of the path parameter, whose pieces end where a coordinate crosses a face: it is solved
     piece by piece.
     """
     n = len(centres)
@@ -53,7 +53,7 @@ def sphere_on_boxes(start, along, radius, centres, axes, halves):
 
 @kernel(error_model='numpy')
 def _sphere_on_box(p, v, radius, half):
-    """Return the share of the way at which a sphere touches a box, in the box's frame."""
+    """Return the path parameter at which a sphere touches a box, in the box's frame."""
     cuts = np.empty(7)
     cuts[6] = 1.0
     for k in range(3):
@@ -86,7 +86,7 @@ def _sphere_on_box(p, v, radius, half):
 @kernel(error_model='numpy')
 def sphere_on_capsules(start, along, radius, centres, arms, radii):
     """
-    Move a sphere towards capsules: a ray against thicker capsules.
+    Compute the first touch of a moving sphere with capsules, by a ray against thicker capsules.
 
     :param arms: vectors from the centre to the end of the axis, (N, 3) [m], world.
     :param radii: (N,) [m].
@@ -107,14 +107,14 @@ def sphere_on_capsules(start, along, radius, centres, arms, radii):
 
 @kernel(error_model='numpy')
 def _point_on_capsule(p, v, arm, radius):
-    """Return the share of the way at which a point comes to a capsule about the origin."""
+    """Return the path parameter at which a point touches a capsule about the origin."""
     foot = p - arm * _foot(p, arm)
     if _dot(foot, foot) <= radius * radius:
         return 0.0
     best = np.inf
     square = _dot(arm, arm)
     if square > 0.0:
-        # Against the cylinder, in the plane across its axis.
+        # Against the cylinder, in the plane normal to its axis.
         pa, va = _dot(p, arm) / square, _dot(v, arm) / square
         across, drift = p - pa * arm, v - va * arm
         t = _root(_dot(drift, drift), _dot(across, drift),
@@ -130,7 +130,7 @@ def _point_on_capsule(p, v, arm, radius):
 
 @kernel(error_model='numpy')
 def _root(a, b, c):
-    """Return where a t² + 2 b t + c falls through zero at t >= 0, or inf."""
+    """Return the root of a t² + 2 b t + c at t >= 0 with negative slope, or inf."""
     root = b * b - a * c
     if b >= 0.0 or root < 0.0 or c < 0.0:
         return np.inf
@@ -139,7 +139,7 @@ def _root(a, b, c):
 
 @kernel(error_model='numpy')
 def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
-    """Move a box towards boxes: overlap on all 15 separating axes (Gottschalk et al. 1996)."""
+    """Compute the first touch of a moving box with boxes: 15 axes (Gottschalk et al. 1996)."""
     n = len(centres)
     fraction, point, normal = np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
     best = np.empty(3)
@@ -158,7 +158,7 @@ def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
 
 @kernel(error_model='numpy')
 def _box_on_box(offset, along, a, a_half, b, b_half, best):
-    """Return when the first box, moved along, meets the second; write the last axis to part."""
+    """Return the path parameter at which two boxes touch; write the last separating axis."""
     enter, leave, least = 0.0, 1.0, np.inf
     axis = np.empty(3)
     for number in range(15):
@@ -185,7 +185,7 @@ def _box_on_box(offset, along, a, a_half, b, b_half, best):
             t0, t1 = (gap - reach) / speed, (gap + reach) / speed
             t0, t1 = min(t0, t1), max(t0, t1)
         if t0 > enter or (enter == 0.0 and reach - abs(gap) < least):
-            # Bodies that overlap from the start part along the axis of least overlap.
+            # Bodies that overlap from the start separate along the axis of least overlap.
             least = reach - abs(gap)
             best[:] = axis if gap < 0.0 else -axis
         enter, leave = max(enter, t0), min(leave, t1)
@@ -197,10 +197,10 @@ def _box_on_box(offset, along, a, a_half, b, b_half, best):
 @kernel(error_model='numpy')
 def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
     """
-    Move a box towards capsules by Newton's method on their distance.
+    Compute the first touch of a moving box with capsules by Newton's method on their distance.
 
-    The distance of convex bodies is a convex function of the way: a tangent lies below it, so no
-    step goes past the touch.
+    The distance of convex bodies is a convex function of the path parameter: tangents lie below
+    it, so no step overshoots the touch.
     """
     n = len(centres)
     fraction, point, normal = np.full(n, np.inf), np.zeros((n, 3)), np.zeros((n, 3))
@@ -221,7 +221,7 @@ def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
                 normal[i] = out
                 point[i] = centres[i] + foot * arms[i] + radii[i] * out
                 break
-            # The part of the speed along the gap closes it; none left = it never closes.
+            # Only the velocity component along the gap closes it.
             closing = -_dot(v, gap) / (distance + radii[i])
             if closing <= _TINY * speed:
                 break
@@ -234,7 +234,7 @@ def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
 @kernel(error_model='numpy')
 def _segment_to_box(centre, arm, half, gap):
     """
-    Find the place s in [-1, 1] of a segment that is nearest to a box about the origin.
+    Find the parameter s in [-1, 1] of the point of a segment nearest to a box about the origin.
 
     The derivative of the squared distance is monotone in s: its zero is found by bisection.
 
@@ -260,27 +260,27 @@ def _segment_to_box(centre, arm, half, gap):
 
 @kernel(error_model='numpy')
 def _dot(a, b):
-    """Multiply two vectors (3,), contiguous or not."""
+    """Return the dot product of two vectors (3,), contiguous or not."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @kernel(error_model='numpy')
 def _into(axes, vector, out):
-    """Write a world vector in the frame whose axes are the columns of a matrix."""
+    """Rotate a world vector into the frame whose axes are the columns of a matrix."""
     for k in range(3):
         out[k] = axes[0, k] * vector[0] + axes[1, k] * vector[1] + axes[2, k] * vector[2]
 
 
 @kernel(error_model='numpy')
 def _foot(place, arm):
-    """Return the place in [-1, 1] on a segment about the origin that is nearest to a point."""
+    """Return the parameter in [-1, 1] of a segment about the origin nearest to a point."""
     square = _dot(arm, arm)
     return min(max(_dot(place, arm) / square, -1.0), 1.0) if square > 0.0 else 0.0
 
 
 @kernel(error_model='numpy')
 def _point_out(away, instead, out):
-    """Write the unit vector of `away`, or of `instead` where `away` has no length."""
+    """Write the unit vector of `away`, or of `instead` where `away` has zero length."""
     length = np.sqrt(_dot(away, away))
     if length < _TINY:
         away, length = instead, max(np.sqrt(_dot(instead, instead)), _TINY)
@@ -290,7 +290,7 @@ def _point_out(away, instead, out):
 
 @kernel(error_model='numpy')
 def _touch_box(local, half, centre, axes, point, normal):
-    """Write point and normal on a box nearest to a place in its frame; inside: the next face."""
+    """Write nearest point and normal of a box for a point in its frame; inside: nearest face."""
     foot, out = np.empty(3), np.zeros(3)
     nearest, depth = 0, np.inf
     for k in range(3):

@@ -13,15 +13,15 @@
 # limitations under the License.
 
 
-"""Pressure of the gas that a charge leaves behind in a room, until it has escaped."""
+"""Quasi-static pressure of the gas of a charge in a room, until it has escaped."""
 
 import numpy as np
 
 from procphys_ros.elementary import expm1, log, power
 from procphys_ros.physics.loads.air_blast import AMBIENT, SOUND
 
-# The two empirical laws are given as they are usually quoted; the originals could not be read, and
-# what is known otherwise bounds them: the heat of burning TNT and the flow of hot gas, see below.
+# The two empirical laws are those usually quoted; the originals could not be read, and physical
+# bounds limit them: the heat of combustion of TNT and the flow of hot gas, see below.
 _PEAK = 2.25e6       # [Pa] at 1 kg/m³: the law of H. J. Weibull 1968, Ann. N.Y. Acad. Sci. 152,
 _EXPONENT = 0.72     # 357, 22.5·(W/V)^0.72 bar up to 5 kg/m³
 _DENSEST = 5.0       # [kg/m³]
@@ -30,13 +30,13 @@ _HEAT = 14.5e6       # [J/kg] of TNT burnt to CO2, steam and N2: enthalpies of f
 _OUTFLOW = 2.13      # ln P falls by 2.13·A·a/V in a second: the law of G. F. Kinney and R. G. S.
 #                      Sewell 1974, NWC TM 2448; a choked flow, 0.81·A·c/V, of gas of 2,000 K
 _ADIABATIC = 1.4     # exponent of air
-_LONGEST = 1.0       # [s] after which gas has cooled, however tight the room
+_LONGEST = 1.0       # [s] after which gas has cooled, even in a tight room
 _STEPS = 400
 
 
 def peak_pressure(charge: float, volume: float) -> float:
     """
-    Give the overpressure of the gas once it has spread in a closed room [Pa].
+    Compute the quasi-static overpressure of the gas in a closed room [Pa].
 
     :param charge: of TNT [kg].
     :param volume: of the room [m³].
@@ -48,19 +48,19 @@ def peak_pressure(charge: float, volume: float) -> float:
 def gas_impulse(peak: float, volume: float, vents: float, walls: float,
                 mass: float) -> tuple[float, float]:
     """
-    Give the impulse of the gas on walls that give way, and how long a triangular pulse lasts.
+    Compute the impulse of the gas on moving walls, and the duration of a triangular pulse.
 
     The gas escapes through the openings (Kinney & Sewell 1974), and cools as it pushes the walls
-    outwards; that they leave gaps between them is left out.
+    outwards; gaps opening between the walls are neglected.
 
-    :param peak: overpressure at first [Pa].
+    :param peak: initial overpressure [Pa].
     :param volume: of the room [m³].
     :param vents: area of its openings [m²].
-    :param walls: area of what encloses it [m²].
-    :param mass: of that [kg].
-    :returns: impulse [Pa·s] and duration [s] with the same peak.
+    :param walls: area of its walls [m²].
+    :param mass: of its walls [kg].
+    :returns: impulse [Pa·s] and duration [s] of a triangular pulse of the same peak.
     """
-    push = peak * (walls * walls) / max(mass, 1.0)  # [m³/s²] with which the room grows
+    push = peak * (walls * walls) / max(mass, 1.0)  # [m³/s²] initial growth of the room
     outflow = _OUTFLOW * SOUND * vents  # [m³/s]
     step = min(0.02 * np.sqrt(volume / push), 0.02 * volume / max(outflow, 1e-9),
                _LONGEST / _STEPS)

@@ -13,13 +13,13 @@
 # limitations under the License.
 
 """
-Air blast of TNT by Kingery & Bulmash: what UFC 3-340-02 and ConWep draw and calculate.
+Air blast of TNT by Kingery & Bulmash: the curves of UFC 3-340-02 and ConWep.
 
 C. N. Kingery, G. Bulmash, *Airblast Parameters from TNT Spherical Air Burst and Hemispherical
 Surface Burst*, ARBRL-TR-02555, 1984, with the coefficients of ConWep (ARL-TR-1310, appendix A):
 the decimal logarithm of a quantity is a polynomial in U = a + b·log Z. They hold for Z in
-ft/lb^(1/3), psi and ms; the functions here take and give SI. The fits that Swisdak made to the
-same curves of a burst on the ground (ADA526744, 1994) differ by less than 2 %, see the tests.
+ft/lb^(1/3), psi and ms; `*_UNIT` convert them to SI. The fits of Swisdak to the same curves of
+a burst on the ground (ADA526744, 1994) differ by less than 2 %, see the tests.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ _PSI = 6894.757293                          # [Pa]
 _MS = 1e-3 / cbrt(0.45359237)      # [s/kg^(1/3)] in a ms/lb^(1/3)
 LEAST, MOST = 0.06, 39.6                    # [m/kg^(1/3)] range of the fits
 
-# From which log Z on [ft/lb^(1/3)] each piece holds; a and b of U; the polynomial.
+# Lower bound of log Z [ft/lb^(1/3)] of each piece; a and b of U; the polynomial.
 Fit = Sequence[tuple[float, float, float, tuple[float, ...]]]
 
 PRESSURE_AIR: Fit = (
@@ -111,10 +111,10 @@ _LN_10 = log(10.0)
 
 def evaluate(fit: Fit, z: np.ndarray) -> np.ndarray:
     """
-    Evaluate a fit; beyond its range it keeps the value at the end.
+    Evaluate a fit; the value at the end of its range holds beyond.
 
     :param z: scaled distance [m/kg^(1/3)].
-    :returns: in the units of the fits.
+    :returns: values in the units of the fits.
     """
     decades = log(np.clip(z, LEAST, MOST) / _FOOT) / _LN_10
     value = np.zeros_like(decades)

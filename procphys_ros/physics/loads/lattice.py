@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Lattices that boxes are drawn into, to tell the air of rooms from that outside."""
+"""Lattices of voxelised boxes, which distinguish the air of rooms from that outside."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -23,17 +23,17 @@ import numpy as np
 from procphys_ros import rotation
 from procphys_ros.elementary import atan2, cos, sin
 
-_ENCLOSED = 4  # of the six ways along the axes that end at something, at least
+_ENCLOSED = 4  # least number of blocked directions, of six along the axes, of enclosed cells
 
 
 @dataclass(frozen=True)
 class Lattice:
     """
-    Cells that boxes take.
+    Lattice of cells occupied by boxes.
 
     :ivar origin, turn: corner, (3,), and attitude, xyzw, (4,), world.
     :ivar cell: edge of a cell [m].
-    :ivar solid: which cells are taken, (I, J, K) bool.
+    :ivar solid: occupied cells, (I, J, K) bool.
     """
 
     origin: np.ndarray
@@ -45,7 +45,7 @@ class Lattice:
     def draw(cls, poses: np.ndarray, sizes: np.ndarray, origin: np.ndarray, turn: np.ndarray,
              cell: float, shape: np.ndarray) -> Self:
         """
-        Draw boxes by points half a cell apart, which no way along the axes gets between.
+        Voxelise boxes by points half a cell apart, which block every path along the axes.
 
         :param poses: (N, 7) [m], world.
         :param sizes: full extents, (N, 3) [m].
@@ -66,12 +66,12 @@ class Lattice:
         return lattice
 
     def cells(self, points: np.ndarray) -> np.ndarray:
-        """Give the cells of places, (K, 3); points (K, 3), world."""
+        """Return the cells of points, (K, 3); points (K, 3), world."""
         local = rotation.rotate(rotation.conjugate(self.turn), points - self.origin)
         return np.floor(local / self.cell).astype(np.intp)
 
     def holds(self, mask: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Return which places lie in cells of a mask of this lattice, (K,) bool."""
+        """Mark the points that lie in cells of a mask of this lattice, (K,) bool."""
         cell = self.cells(points)
         within = ((cell >= 0) & (cell < mask.shape)).all(axis=1)
         found = np.zeros(len(points), bool)
@@ -80,11 +80,11 @@ class Lattice:
 
     def enclosed(self, ground: float) -> np.ndarray:
         """
-        Say from which empty cells at least four of the six ways along the axes end at something.
+        Mark the enclosed empty cells: blocked in at least four of the six axis directions.
 
-        A window leaves a room a room, a street of houses is none.
+        A room with a window is enclosed, a street of houses is not.
 
-        :param ground: its height [m]; where the lattice does not reach below, it counts, too.
+        :param ground: its height [m]; where the lattice does not reach below, it blocks, too.
         """
         solid = self.solid
         ends = np.zeros(solid.shape, np.int8)
@@ -92,12 +92,12 @@ class Lattice:
             ends += np.logical_or.accumulate(solid, axis=axis)
             ends += np.flip(np.logical_or.accumulate(np.flip(solid, axis), axis=axis), axis)
         if self.origin[2] < ground + 2.0 * self.cell:
-            ends += ~np.logical_or.accumulate(solid, axis=2)  # what nothing else stops below
+            ends += ~np.logical_or.accumulate(solid, axis=2)  # cells blocked only by the ground
         return ~solid & (ends >= _ENCLOSED)
 
 
 def heading(attitude: np.ndarray) -> np.ndarray:
-    """Return the turns about the vertical of lattices along boxes; quaternions xyzw, (..., 4)."""
+    """Return the yaw of lattices aligned with boxes, as quaternions xyzw, (..., 4)."""
     axis = rotation.rotate(attitude, np.array([1.0, 0.0, 0.0]))
     half = 0.5 * atan2(axis[..., 1], axis[..., 0])
     turn = np.zeros(attitude.shape)

@@ -14,12 +14,12 @@
 
 
 """
-Reflections of a blast between what stands around it, by the method of images.
+Reflections of a blast by surrounding walls, by the method of images.
 
-A plane wall throws a wave back as if it came from the charge's mirror image behind it. That is
-exact for sound; programs for shocks in rooms add up the impulses of images likewise. W. E. Baker
+A plane wall reflects a wave as if it came from the charge's mirror image behind it. That is
+exact for sound; programs for shocks in rooms also sum the impulses of images. W. E. Baker
 et al. 1983, Explosion Hazards and Evaluation, 3.4, count three pulses on a wall of a room, which
-come at 1, 3 and 5 times the first one's time: those of the charge, and of two orders of images.
+arrive at 1, 3 and 5 times the first one's time: those of the charge, and of two orders of images.
 """
 
 from collections.abc import Iterator
@@ -32,9 +32,9 @@ from procphys_ros.linear import norm, product
 from procphys_ros.physics.loads.lattice import heading
 from procphys_ros.physics.loads.sight import SEAL, Sight
 
-_ORDERS = 2        # reflections of a wave that count
-_OFF = 2.0 * SEAL  # [m] off a plane, where rays end before it and where it must be solid behind
-_SAME = 0.05       # [m] between faces that are one plane but for its roughness
+_ORDERS = 2        # largest number of reflections of a wave
+_OFF = 2.0 * SEAL  # [m] distance from a plane at which rays end, and behind which it must be solid
+_SAME = 0.05       # [m] largest offset of faces of one rough plane
 _WAYS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
@@ -44,9 +44,9 @@ class Image:
     A mirror image of a charge.
 
     :ivar place: (3,) [m], world.
-    :ivar planes: that throw the wave back, the last one first: a point, and the unit normal
+    :ivar planes: reflecting planes, the last one first: a point, and the unit normal
         towards the charge, (3,) each.
-    :ivar before: places of the image that each plane mirrors, (3,) each.
+    :ivar before: position of the image that each plane mirrors, (3,) each.
     """
 
     place: np.ndarray
@@ -55,7 +55,7 @@ class Image:
 
     def reaches(self, points: np.ndarray, owners: np.ndarray, sight: Sight) -> np.ndarray:
         """
-        Return to which places the wave comes over all of the planes, (K,) bool.
+        Mark the points that the wave reaches by reflection at all of the planes, (K,) bool.
 
         :param points: (K, 3) [m], world.
         :param owners: box that each point lies on, (K,).
@@ -82,12 +82,12 @@ class Image:
 def images(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
            floor: bool = True) -> list[Image]:
     """
-    Mirror a charge in the planes that surround it: along the nearest box, across it, and upright.
+    Mirror a charge in the surrounding planes, in the axis directions of the nearest box.
 
     :param point: of the charge, (3,) [m], world.
     :param poses: of the boxes, (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
-    :param floor: whether what is below counts, which the curves of bursts on the ground include.
+    :param floor: whether the plane below counts, which the curves of bursts on the ground include.
     """
     if not len(poses):
         return []
@@ -109,7 +109,7 @@ def images(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
 
 def _faces(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
            ways: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Yield where ways from a place meet the first face, and the normal of that."""
+    """Yield the first face hit by rays from a point in some directions: point and normal."""
     nearest = int(np.argmin(np.square(poses[:, :3] - point).sum(axis=1)))
     axes = rotation.to_matrix(poses[:, 3:])
     offset = np.einsum('nji,nj->ni', axes, point - poses[:, :3])

@@ -13,15 +13,15 @@
 # limitations under the License.
 
 """
-Rooms around a place: how much air there is, and through how much it gets out.
+Rooms around a point: their volume of air and area of openings.
 
-A room is what is connected of the cells of a lattice that are enclosed, see `lattice`.
+A room is a connected component of enclosed cells of a lattice, see `lattice`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts are imported by their first use
+import scipy  # subpackages are imported on first use
 
 from procphys_ros import rotation
 from procphys_ros.elementary import cbrt
@@ -30,25 +30,25 @@ from procphys_ros.physics.loads.lattice import heading, Lattice
 from procphys_ros.physics.loads.sight import Sight
 
 _CELL = 0.25     # [m] of the lattice
-_REACH = 15.0    # [m] to each side, beyond which a room is not looked for
-_LEAST = 4       # of six ways that end at something: a first look
-_OPEN = 0.6      # vents over volume^(2/3), above which gas is out at once: an estimate, ascribed
+_REACH = 15.0    # [m] to each side: extent of the search for a room
+_LEAST = 4       # least number of blocked directions, of six, at the point: an early test
+_OPEN = 0.6      # vents over volume^(2/3), above which gas escapes at once: an estimate, ascribed
 #                  to UFC 3-340-02, 2-14, which could not be read
 _WALL = 2        # [cells] thickness of walls that move together with their inner face
-_STEPS = (0.5, 1.0, 1.5)  # [cells] off a face, where its room is looked for
+_STEPS = (0.5, 1.0, 1.5)  # [cells] distances from a face at which its room is looked up
 _SIX = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
 class Room:
     """
-    Air around a charge that cannot get out at once.
+    Enclosed air around a charge.
 
     :ivar volume: [m³].
     :ivar vents: area of its openings [m²].
-    :ivar walls: area of what encloses it, without the ground [m²].
-    :ivar lattice: of what is around.
-    :ivar inside: which of its cells are the room, (I, J, K) bool.
+    :ivar walls: area of its walls, without the ground [m²].
+    :ivar lattice: of the surrounding boxes.
+    :ivar inside: cells of the room, (I, J, K) bool.
     """
 
     volume: float
@@ -58,12 +58,12 @@ class Room:
     inside: np.ndarray
 
     def is_confined(self) -> bool:
-        """Return whether gas stays long enough to press."""
+        """Return whether gas stays long enough to build up pressure."""
         return self.vents < _OPEN * np.square(cbrt(self.volume))
 
     def faces(self, centres: np.ndarray, normals: np.ndarray) -> np.ndarray:
         """
-        Return which faces look into the room, (K,) bool.
+        Mark the faces that border on the room, (K,) bool.
 
         :param centres: (K, 3) [m], world.
         :param normals: unit vectors out of the bodies, (K, 3), world.
@@ -74,7 +74,7 @@ class Room:
         return found
 
     def encloses(self, points: np.ndarray) -> np.ndarray:
-        """Return which points lie in the walls around the room, (K,) bool; world, (K, 3)."""
+        """Mark the points that lie in the walls around the room, (K,) bool; world, (K, 3)."""
         around = scipy.ndimage.binary_dilation(self.inside, iterations=_WALL) & ~self.inside
         return self.lattice.holds(around, points)
 
@@ -82,14 +82,14 @@ class Room:
 def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Sight,
               ground: float = 0.0) -> Room | None:
     """
-    Find the room that a place is in.
+    Find the room around a point.
 
     :param point: (3,) [m], world.
     :param poses: of the boxes that enclose rooms, (N, 7) [m], world.
     :param sizes: full extents, (N, 3) [m].
-    :param sight: boxes among which these are, for a first look.
+    :param sight: lines of sight among these and other boxes, for an early test.
     :param ground: its height [m].
-    :returns: None when the place is in the open.
+    :returns: None when the point is in the open.
     """
     if not len(poses):
         return None
@@ -111,7 +111,7 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
 
 
 def _label_near(labels: np.ndarray, cell: tuple[int, int, int]) -> int:
-    """Give the room at a cell, or beside it where the cell is taken; 0 for none."""
+    """Return the label of the room at a cell, or beside it where the cell is solid; 0 for none."""
     if labels[cell]:
         return int(labels[cell])
     around = labels[tuple(slice(max(c - 1, 0), c + 2) for c in cell)]
@@ -120,7 +120,7 @@ def _label_near(labels: np.ndarray, cell: tuple[int, int, int]) -> int:
 
 
 def _measure(inside: np.ndarray, lattice: Lattice) -> Room:
-    """Count cells and the faces between them; a wall takes half a cell too much on average."""
+    """Measure a room by cells and faces; walls occupy half a cell too much on average."""
     solid = lattice.solid
     vents, walls = 0.0, 0
     for axis in range(3):
@@ -139,7 +139,7 @@ def _measure(inside: np.ndarray, lattice: Lattice) -> Room:
 
 
 def _shifted(mask: np.ndarray, shift: int, axis: int) -> np.ndarray:
-    """Give the neighbours of all cells along an axis; beyond the lattice there is nothing."""
+    """Return the mask of the neighbours of all cells along an axis; False beyond the lattice."""
     moved = np.roll(mask, shift, axis)
     edge = [slice(None)] * 3
     edge[axis] = slice(0, 1) if shift == 1 else slice(-1, None)

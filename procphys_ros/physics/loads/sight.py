@@ -14,10 +14,10 @@
 
 
 """
-Lines of sight among many oriented boxes: which places a straight ray reaches.
+Lines of sight among many oriented boxes, by ray casting.
 
 Boxes are listed in the cells of a grid, and a ray tests those listed in the cells that it passes
-(Amanatides & Woo 1987). A ray inside a wall meets its neighbours in the first cell.
+(Amanatides & Woo 1987). A ray inside a wall hits its neighbours in the first cell.
 """
 
 import numpy as np
@@ -27,8 +27,8 @@ from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cbrt
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
-_LEAST_CELL = 0.25       # [m] about a brick
-SEAL = 0.011             # [m] by which boxes are thicker: more than the width of a mortar joint
+_LEAST_CELL = 0.25       # [m] about the size of a brick
+SEAL = 0.011             # [m] offset of the faces of boxes: more than the width of a mortar joint
 
 
 class Sight:
@@ -41,9 +41,9 @@ class Sight:
 
         :param poses: (N, 7) [m], xyzw, world.
         :param sizes: full extents, (N, 3) [m].
-        :param seal: how far every face of a box is moved out [m]: more than the width of a mortar
+        :param seal: outward offset of every face of a box [m]: more than the width of a mortar
             joint, so that no ray escapes through one.
-        :param blocking: which boxes block rays, (N,) bool; None = all.
+        :param blocking: boxes that block rays, (N,) bool; None = all.
         """
         matrices = rotation.to_matrix(poses[:, 3:])
         halves = 0.5 * np.asarray(sizes, float) + seal
@@ -62,11 +62,11 @@ class Sight:
 
     def clear(self, starts: np.ndarray, ends: np.ndarray, owners: np.ndarray) -> np.ndarray:
         """
-        Return which rays pass unhindered; boxes that hold the end of a ray do not hinder it.
+        Mark the rays that are not blocked; boxes around the end of a ray do not block it.
 
         :param starts: (K, 3) [m], world.
         :param ends: (K, 3) or (3,) [m], world.
-        :param owners: box that a ray starts from and that does not hinder it, or -1, (K,).
+        :param owners: box that a ray starts from and that does not block it, or -1, (K,).
         """
         starts = np.ascontiguousarray(starts, float)
         ends = np.ascontiguousarray(np.broadcast_to(ends, starts.shape), float)
@@ -74,13 +74,13 @@ class Sight:
                       self._blocking, self._grid)
 
     def holds(self, points: np.ndarray) -> np.ndarray:
-        """Return which points lie in a box that blocks rays, (K,) bool; points (K, 3), world."""
+        """Mark the points that lie in a blocking box, (K,) bool; points (K, 3), world."""
         return _hold(np.ascontiguousarray(points, float), self._boxes, self._grid)
 
 
 @kernel(error_model='numpy')
 def _hold(points, boxes, grid):
-    """Return which points lie in a box."""
+    """Mark the points that lie in a box."""
     origin, cell, shape, starts, lists = grid
     held = np.zeros(len(points), np.bool_)
     for i in range(len(points)):
@@ -102,7 +102,7 @@ def _hold(points, boxes, grid):
 
 @kernel
 def _list_boxes(low, high, rows, origin, cell, shape):
-    """Write, cell by cell, which boxes' bounds overlap it: start of each list, and the lists."""
+    """List the boxes whose bounds overlap each cell: start of each list, and the lists."""
     starts = np.zeros(shape[0] * shape[1] * shape[2] + 1, np.int32)
     bounds = np.empty((len(rows), 6), np.int64)
     for i, row in enumerate(rows):
@@ -111,7 +111,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
             bounds[i, 3 + k] = min(int((high[row, k] - origin[k]) / cell), shape[k] - 1)
     for write in range(2):
         if write:
-            # Each list is filled from its end, so that its start remains where it ends up.
+            # Each list is filled from its end, so that `starts` finally holds its start.
             starts = np.cumsum(starts).astype(np.int32)
             lists = np.empty(starts[-1], np.int32)
         for i, row in enumerate(rows):
@@ -154,10 +154,10 @@ def _hit(start, along, boxes, row):
 @kernel(error_model='numpy')
 def _enter(start, along, origin, cell, shape, walk):
     """
-    Put a ray into the grid's first cell on its way.
+    Initialise the walk of a ray at the first grid cell that it enters.
 
-    :param walk: (4, 3), written: cell, step, share of the ray at the next border, between borders.
-    :returns: share of the ray at which it leaves the grid, -1 when it passes by.
+    :param walk: (4, 3), written: cell, step, ray parameter at the next border, between borders.
+    :returns: ray parameter at which it leaves the grid, -1 when it misses the grid.
     """
     enter, leave = 0.0, 1.0
     for k in range(3):
@@ -183,7 +183,7 @@ def _enter(start, along, origin, cell, shape, walk):
 
 @kernel(error_model='numpy')
 def _hinder(start, along, owner, boxes, grid, walk):
-    """Walk one ray through the grid; return the first box found to hinder it, or -1."""
+    """Walk one ray through the grid; return the first box found to block it, or -1."""
     origin, cell, shape, starts, lists = grid
     leave = _enter(start, along, origin, cell, shape, walk)
     if leave < 0.0:
@@ -208,10 +208,10 @@ def _hinder(start, along, owner, boxes, grid, walk):
 @kernel
 def _trace(begins, ends, owners, boxes, blocking, grid):
     """
-    Return which rays are free.
+    Mark the rays that are not blocked.
 
-    Neighbours in a wall are hindered by neighbours: the box as many rows from the ray's owner as
-    it was for the ray before is tried first, which saves most walks.
+    Rays of adjacent boxes in a wall are blocked by adjacent boxes: the box at the same offset of
+    rows from the owner as for the previous ray is tested first, which saves most walks.
     """
     free = np.empty(len(begins), np.bool_)
     walk, along = np.empty((4, 3)), np.empty(3)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Skins of buildings: outer faces with a room behind them, which feel the air on one side only."""
+"""Skins of buildings: outer faces with a room behind them, loaded by air on one side only."""
 
 import numpy as np
 
@@ -22,19 +22,19 @@ from procphys_ros.elementary import cbrt
 from procphys_ros.linear import norm
 from procphys_ros.physics.loads.lattice import heading, Lattice
 
-_CELL = 0.25          # [m] of the lattice, ...
-_MOST = 4_000_000     # ... cells of which it has at most, or larger ones
+_CELL = 0.25          # [m] least cell of the lattice
+_MOST = 4_000_000     # largest number of cells
 _MARGIN = 3           # [cells] of air around a building
-_OUT = (1.0, 1.5)     # [cells] off a face, where it must be in the open
-_DEPTH = 1.0          # [m] behind a face, where its room is looked for
+_OUT = (1.0, 1.5)     # [cells] distances from a face at which it must be in the open
+_DEPTH = 1.0          # [m] behind a box, within which its room is searched
 
 
 def outer_faces(poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """
     Find the outer faces of a building.
 
-    It stands on the ground with its lowest box. Faces of free-standing walls are none: what passes
-    them soon presses on both sides.
+    The building stands on the ground with its lowest box. Faces of free-standing walls are
+    excluded, as the air soon presses on both sides of them.
 
     :param poses: of its boxes, (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
@@ -62,7 +62,7 @@ def outer_faces(poses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
 
 
 def _around(poses: np.ndarray, sizes: np.ndarray, axes: np.ndarray) -> Lattice:
-    """Draw a building, along its largest box."""
+    """Voxelise a building in a lattice aligned with its largest box."""
     turn = heading(poses[int(np.argmax(sizes.prod(axis=1))), 3:])
     reach = 0.5 * np.einsum('nij,nj->ni', np.abs(axes), sizes)
     reach[:, :2] = norm(reach[:, :2], axis=1, keepdims=True)

@@ -14,9 +14,9 @@
 
 
 """
-Swept projectiles: what a sphere or a box touches on a straight way.
+Swept projectiles: targets touched by a sphere or a box on a straight path.
 
-Every target is tested with a bounding sphere first, the few that remain exactly.
+Every target is tested by its bounding sphere first, the few that remain exactly.
 """
 
 from dataclasses import dataclass
@@ -32,11 +32,11 @@ from procphys_ros.physics.loads import first_touch
 @dataclass(frozen=True)
 class Hits:
     """
-    Targets touched on the way, the first one first.
+    Targets touched on the path, in order.
 
     :ivar index: row of the target, (K,).
-    :ivar fraction: share of the way at the first touch, 0 when touching from the start, (K,).
-    :ivar point: where on the target, (K, 3) [m], world.
+    :ivar fraction: share of the path at the first touch, 0 when touching from the start, (K,).
+    :ivar point: contact point on the target, (K, 3) [m], world.
     :ivar normal: unit vector out of the target there, (K, 3), world.
     """
 
@@ -55,13 +55,13 @@ _NONE = Hits(np.empty(0, np.int64), np.empty(0), np.empty((0, 3)), np.empty((0, 
 def sweep_boxes(start: np.ndarray, end: np.ndarray, radius: float, poses: np.ndarray,
                 sizes: np.ndarray, active: np.ndarray | None = None) -> Hits:
     """
-    Find the boxes that a sphere touches on its way.
+    Find the boxes that a sphere touches on its path.
 
     :param start, end: of the sphere's centre, (3,) [m], world.
     :param radius: [m].
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
-    :param active: which boxes count, (N,) bool; None = all.
+    :param active: boxes to test, (N,) bool; None = all.
     """
     start, along = _way(start, end)
     rows = _near(start, along, radius, poses, sizes, _flags(active, len(poses)))
@@ -76,7 +76,7 @@ def sweep_boxes(start: np.ndarray, end: np.ndarray, radius: float, poses: np.nda
 def sweep_capsules(start: np.ndarray, end: np.ndarray, radius: float, poses: np.ndarray,
                    sizes: np.ndarray, active: np.ndarray | None = None) -> Hits:
     """
-    Find the capsules that a sphere touches on its way.
+    Find the capsules that a sphere touches on its path.
 
     :param sizes: diameter, diameter, length over the round ends, (N, 3) [m]; the axis is z.
 
@@ -94,9 +94,9 @@ def sweep_box_boxes(start: np.ndarray, end: np.ndarray, attitude: np.ndarray, ex
                     poses: np.ndarray, sizes: np.ndarray,
                     active: np.ndarray | None = None) -> Hits:
     """
-    Find the boxes that a box, which does not turn, touches on its way.
+    Find the boxes that a box, which does not rotate, touches on its path.
 
-    The point is the one of the target nearest to the projectile's centre at the first touch.
+    The point is that of the target nearest to the projectile's centre at the first touch.
 
     :param attitude: of the projectile, (4,) xyzw, world.
     :param extent: full extents of the projectile, (3,) [m].
@@ -119,7 +119,7 @@ def sweep_box_capsules(start: np.ndarray, end: np.ndarray, attitude: np.ndarray,
                        extent: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
                        active: np.ndarray | None = None) -> Hits:
     """
-    Find the capsules that a box, which does not turn, touches on its way.
+    Find the capsules that a box, which does not rotate, touches on its path.
 
     The parameters are those of `sweep_box_boxes` and `sweep_capsules`.
     """
@@ -153,7 +153,7 @@ def _capsules(poses: np.ndarray, sizes: np.ndarray, rows: np.ndarray) -> tuple:
 
 def _sorted(rows: np.ndarray, fraction: np.ndarray, point: np.ndarray,
             normal: np.ndarray) -> Hits:
-    """Keep what is touched within the way, in order; equal times in order of the rows."""
+    """Return the targets touched on the path, in order; equal times in order of the rows."""
     order = np.argsort(fraction, kind='stable')
     order = order[fraction[order] <= 1.0]
     return Hits(rows[order], fraction[order], point[order], normal[order])
@@ -161,7 +161,7 @@ def _sorted(rows: np.ndarray, fraction: np.ndarray, point: np.ndarray,
 
 @kernel(error_model='numpy')
 def _near(start, along, radius, poses, sizes, active):
-    """Return the rows whose bounding spheres the swept sphere meets; half the sum bounds."""
+    """List the rows whose bounding spheres overlap the swept sphere; radius: half of the sum."""
     x0, y0, z0 = start[0], start[1], start[2]
     u, v, w = along[0], along[1], along[2]
     square = u * u + v * v + w * w

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Faces of walls: what wind and blasts press on, the joints between the bricks included."""
+"""Faces of walls loaded by wind and blasts, including the joints between the bricks."""
 
 import numpy as np
 
@@ -26,13 +26,13 @@ _SQUARE = 0.99     # cosine within which a joint counts as parallel to a face
 
 def with_joints(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
     """
-    Widen boxes to the middle of the joints around them, so that they fill the face of a wall.
+    Extend boxes to the middle of the joints around them, so that they fill the face of a wall.
 
-    Sides without a joint stay where they are. 10 mm of mortar around bricks of 215 x 65 mm are
+    Sides without a joint are unchanged. 10 mm of mortar around bricks of 215 x 65 mm are
     17 % of the face of a wall.
 
     :param blueprint: boxes and their mortar.
-    :returns: poses (N, 7) [m], world, and full extents (N, 3) [m] of the widened boxes.
+    :returns: poses (N, 7) [m], world, and full extents (N, 3) [m] of the extended boxes.
     """
     wider = np.zeros((len(blueprint), 3, 2))
     rows = np.flatnonzero((blueprint.bond_law == Law.MORTAR)

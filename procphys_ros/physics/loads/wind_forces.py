@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Wind on boxes: pressure and suction on the faces of buildings, as sums of few patterns."""
+"""Wind on boxes: pressure and suction on faces of buildings, as sums of a few patterns."""
 
 from dataclasses import dataclass
 
@@ -28,10 +28,10 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 
 _WINDWARD = 0.8      # EN 1991-1-4, table 7.1, zone D, height over depth 1
 _ELSEWHERE = -0.5    # same table, zones C and E: sides and lee
-_APART = 0.15        # lack of correlation of push ahead and pull behind, 7.2.2 (3)
-_WAYS = 48           # directions that patterns are worked out for; square to a wall halfway
-#                      between two of them the pressure is 0.6 % less than worked out there
-_OFF_FACE = 1e-4     # [m] rays start this far off a face
+_APART = 0.15        # lack of correlation of pressure ahead and suction behind, 7.2.2 (3)
+_WAYS = 48           # directions of the patterns; the interpolated pressure on a wall normal to a
+#                      direction halfway between two of them is 0.6 % too low
+_OFF_FACE = 1e-4     # [m] offset of the start of rays from a face
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class Skin:
     Faces of boxes with a room behind them.
 
     :ivar faces: from `skin.outer_faces`, (N, 6) bool.
-    :ivar building: number of what each box belongs to, (N,).
+    :ivar building: number of each box's building, (N,).
     """
 
     faces: np.ndarray
@@ -50,15 +50,15 @@ class Skin:
 def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
                   sight: Sight | None = None, terrain: Terrain = FLAT) -> np.ndarray:
     """
-    Find the faces that the wind can reach: nothing stands in front of them, nor the ground.
+    Mark the faces exposed to wind: neither boxes nor the ground are in front of them.
 
-    A face towards a room sees the opposite wall, so it is not exposed (internal pressure 0). It
-    takes a ray per face: ask again only when something has moved or broken.
+    A face towards a room sees the opposite wall, so it is not exposed (internal pressure 0). This
+    casts a ray per face: recompute it only after boxes have moved or broken.
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
-    :param reach: how far ahead a face must be free [m].
-    :param sight: the boxes as already listed for rays; None = list them now.
+    :param reach: length that must be free in front of a face [m].
+    :param sight: existing lines of sight among the boxes; None = build them.
     :param terrain: the surface of the ground.
     :returns: (N, 6) bool, sides -x +x -y +y -z +z of each box.
     """
@@ -76,22 +76,22 @@ class WallPressure:
     """
     Pressure of a level wind on faces of boxes: 1/2 · density · speed² · c.
 
-    On the skins of buildings c is that of `wind_pressure`, outside less inside. On walls that
-    stand free, c is 0.8 square to the wind and -0.5 on faces along it and in the lee (EN 1991-1-4,
-    table 7.1), between them it follows the square of the cosine. What acts along the wind is
-    reduced to 0.85 of it, for push ahead and pull behind are never at their peaks together (7.2.2
+    On the skins of buildings c is that of `wind_pressure`, external minus internal. On
+    free-standing walls, c is 0.8 normal to the wind and -0.5 on faces along it and in the lee (EN
+    1991-1-4, table 7.1), interpolated by the square of the cosine. Pressures along the wind are
+    reduced to 0.85, as pressure ahead and suction behind do not peak at the same time (7.2.2
     (3), height over depth up to 1).
 
-    Zones move over walls and roofs with every turn of the wind, so no two gusts would load a
-    building alike. So outer coefficients are worked out for directions 7.5 degrees apart and
-    change in proportion between them: loads are then sums of few patterns, of which the stress
-    solver knows the answers (decision 47).
+    Zones move over walls and roofs with every change of wind direction, so no two gusts would load
+    a building alike. Outer coefficients are therefore computed for directions 7.5 degrees apart
+    and interpolated linearly: loads are then sums of a few patterns, whose solutions the stress
+    solver keeps (decision 47).
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m]; see `wall_faces.with_joints`.
     :param exposed: from `exposed_faces`, (N, 6) bool.
-    :param centres: about which moments are taken, (N, 3) [m]; None = those of the boxes.
-    :param skin: which faces belong to the skins of buildings; None = none.
+    :param centres: reference points of moments, (N, 3) [m]; None = those of the boxes.
+    :param skin: faces of the skins of buildings; None = none.
     """
 
     def __init__(self, poses: np.ndarray, sizes: np.ndarray, exposed: np.ndarray,
@@ -113,11 +113,11 @@ class WallPressure:
     def forces(self, air: np.ndarray, place: np.ndarray | None = None,
                gone: np.ndarray | None = None) -> np.ndarray:
         """
-        Give what a wind does to the boxes.
+        Compute the wind forces and moments on the boxes.
 
         :param air: velocities of the air [m/s], world, (S, 3) or (3,).
-        :param place: which of them each box feels, (N,); None = the first.
-        :param gone: boxes that are not there any more and leave openings, (N,) bool; None = none.
+        :param place: index of the velocity at each box, (N,); None = the first.
+        :param gone: removed boxes, which leave openings, (N,) bool; None = none.
         :returns: forces and moments about the centres [N], [N·m], world, (N, 6).
         """
         owner, rows, air = self._patches.owner, self._on_skin, np.atleast_2d(air)
@@ -135,7 +135,7 @@ class WallPressure:
                                 for column in self._wrenches])
 
     def _outer(self, air: np.ndarray, feels: np.ndarray) -> np.ndarray:
-        """Give the outer coefficients of all faces, (K,), which feel the air of these rows."""
+        """Compute the outer coefficients of all faces, (K,), in the air of rows `feels`."""
         turn = atan2(air[:, 1], air[:, 0]) * (_WAYS / (2.0 * np.pi)) % _WAYS
         first = turn.astype(np.intp)
         share = turn - first
@@ -147,7 +147,7 @@ class WallPressure:
         return total
 
     def _pattern(self, number: int) -> np.ndarray:
-        """Give the outer coefficients of all faces in one of the directions, (K,)."""
+        """Return the outer coefficients of all faces in one of the directions, (K,)."""
         if number not in self._patterns:
             turn = 2.0 * np.pi * number / _WAYS
             way = np.array([cos(turn), sin(turn)])
@@ -163,6 +163,6 @@ class WallPressure:
 
 
 def _dynamic_pressure(air: np.ndarray) -> np.ndarray:
-    """Give the pressure of air that comes to rest [Pa]; steep air counts by its level share."""
+    """Compute the dynamic pressure [Pa]; steep flow is limited by its horizontal component."""
     square = air * air
     return AIR_DENSITY * np.minimum(0.5 * square.sum(axis=1), square[:, :2].sum(axis=1))

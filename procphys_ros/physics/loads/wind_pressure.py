@@ -14,11 +14,11 @@
 
 
 """
-Wind on the skin of a building: zones of its walls and roof, and the air inside.
+Wind on the skin of a building: zones of its walls and roof, and internal pressure.
 
-External coefficients of EN 1991-1-4, tables 7.1, 7.2 and 7.4 (c_pe,10), for wind square to a face;
-under an angle they are taken in proportion to the square of its cosine. Where a table gives two
-values for the windward slope of a roof, their mean acts.
+External coefficients of EN 1991-1-4, tables 7.1, 7.2 and 7.4 (c_pe,10), for wind normal to a face;
+under an angle they are interpolated by the square of its cosine. Where a table gives two
+values for the windward slope of a roof, their mean is used.
 """
 
 from dataclasses import dataclass
@@ -43,18 +43,18 @@ _GABLE_CORNER = np.array([-1.8, -1.6, -1.3, -1.1, -1.1, -1.1, -1.1])  # F, wind 
 _GABLE_EAVES = np.array([-1.2, -1.3, -1.3, -1.4, -1.4, -1.2, -1.2])   # G
 _GABLE = np.array([-0.7, -0.7, -0.6, -0.8, -0.9, -0.8, -0.8])         # H
 _GABLE_END = np.array([-0.2, -0.6, -0.5, -0.5, -0.5, -0.5, -0.5])     # I
-_ROOF = cos(np.radians(78.0))  # upward share of a normal, from which a face is one of a roof
+_ROOF = cos(np.radians(78.0))  # least vertical component of the normal of a roof face
 _LEAK = 1e-3  # openings of a closed skin over its area: cracks of windows, doors and tiles
 
 
 @dataclass(frozen=True)
 class Outline:
     """
-    A building as the wind sees it, one row per face.
+    Dimensions of buildings relative to the wind, one row per face.
 
     :ivar along: distance of the face behind the windward edge [m], (K,).
     :ivar end: distance to the nearer end across the wind [m], (K,).
-    :ivar depth, width, height: of its building, along, across and above [m], (K,).
+    :ivar depth, width, height: of its building, along, across and vertical [m], (K,).
     """
 
     along: np.ndarray
@@ -66,7 +66,7 @@ class Outline:
 
 def outline(centres: np.ndarray, way: np.ndarray, building: np.ndarray) -> Outline:
     """
-    Measure buildings along the wind.
+    Compute the dimensions of buildings relative to the wind.
 
     :param centres: of faces of their skins, (K, 3) [m], world.
     :param way: unit vector of the horizontal wind at each, (K, 2).
@@ -88,11 +88,11 @@ def outline(centres: np.ndarray, way: np.ndarray, building: np.ndarray) -> Outli
 
 def external(normals: np.ndarray, way: np.ndarray, place: Outline) -> np.ndarray:
     """
-    Give the external pressure coefficients c_pe of faces, (K,).
+    Compute the external pressure coefficients c_pe of faces, (K,).
 
     :param normals: unit vectors outwards, (K, 3), world.
     :param way: unit vector of the horizontal wind, (K, 2).
-    :param place: where on their building they are.
+    :param place: positions of the faces on their buildings.
     """
     facing = (normals[:, :2] * way).sum(axis=1)
     edge = np.minimum(place.width, 2.0 * place.height)
@@ -117,13 +117,13 @@ def external(normals: np.ndarray, way: np.ndarray, place: Outline) -> np.ndarray
 def internal(area: np.ndarray, open_area: np.ndarray, coefficient: np.ndarray,
              building: np.ndarray) -> np.ndarray:
     """
-    Give the internal pressure coefficient c_pi of each building, (B,).
+    Compute the internal pressure coefficient c_pi of each building, (B,).
 
     EN 1991-1-4, 7.2.9 (6): it follows from the share of openings where c_pe is negative, from 0.35
     at a third to -0.3 at nine tenths (figure 7.13, height/depth up to a quarter).
 
     :param area: of faces of the skin [m²], (K,).
-    :param open_area: of those that are gone, (K,).
+    :param open_area: of removed faces [m²], (K,).
     :param coefficient: c_pe, (K,).
     :param building: number of each face's building, (K,).
     """
@@ -135,7 +135,7 @@ def internal(area: np.ndarray, open_area: np.ndarray, coefficient: np.ndarray,
 
 
 def _wall(facing: np.ndarray, place: Outline, edge: np.ndarray) -> np.ndarray:
-    """Give c_pe of walls: D ahead, E behind, A, B and C along the wind."""
+    """Compute c_pe of walls: zone D ahead, E behind, A, B and C along the wind."""
     slender = place.height / np.maximum(place.depth, 1e-9)
     front, rear = np.interp(slender, _SLENDER, _FRONT), np.interp(slender, _SLENDER, _REAR)
     side = np.where(place.along < 0.2 * edge, _SIDE_EDGE,
@@ -148,7 +148,7 @@ def _wall(facing: np.ndarray, place: Outline, edge: np.ndarray) -> np.ndarray:
 
 def _zones(pitch: np.ndarray, base: np.ndarray,
            *others: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
-    """Look up one table everywhere, and others where they hold, later ones over earlier ones."""
+    """Look up a base table, and others where they apply, later ones overriding earlier ones."""
     found = np.interp(pitch, _PITCH, base)
     for where, table in others:
         found = np.where(where, np.interp(pitch, _PITCH, table), found)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Touch: where round segments meet other shapes, and the impulses that keep them apart."""
+"""Touch: contacts of capsule segments with other shapes, and their impulses."""
 
 from procphys_ros.physics.touch.broad import capsule_bounds, half_extent, overlaps, piece_bounds
 from procphys_ros.physics.touch.depth import overlap_ball, overlap_box

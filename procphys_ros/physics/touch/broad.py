@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Broad phase: which of many boxes overlap which of many others."""
+"""Broad phase: overlapping pairs of two sets of axis-aligned boxes."""
 
 import math
 
@@ -23,22 +23,22 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.rotation_kernels import matrix_rows
 
-_BOX = int(Shape.BOX)  # numba reads no enums
-_FEW = 64  # numbers that are sorted one by one
+_BOX = int(Shape.BOX)  # numba does not support enums
+_FEW = 64  # largest count for insertion sort
 _CELLS = 32  # along each axis at most; a finer grid takes longer to clear
-_NARROW = 1.0 / 16.0  # [m] widest of the first class, of which each is four times as wide ...
-_CLASSES = 8          # ... as the one before; the last has all that is wider
+_NARROW = 1.0 / 16.0  # [m] limit of the first class of widths; each is four times as wide ...
+_CLASSES = 8          # ... as the previous one; the last one is unlimited
 
 
 @kernel
 def capsule_bounds(rows, poses, sizes, velocities, reach, margin):
     """
-    Give axis-aligned bounds of capsules, swept along their velocities.
+    Compute axis-aligned bounds of capsules, swept along their velocities.
 
-    :param rows: chosen, (K,).
+    :param rows: rows of the capsules, (K,).
     :param poses: of all, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
-    :param reach: time that they are swept over [s].
-    :param margin: further room on all sides [m].
+    :param reach: duration of the sweep [s].
+    :param margin: additional margin on all sides [m].
     :returns: three minima, three maxima [m], (K, 6).
     """
     out = np.empty((len(rows), 6))
@@ -57,7 +57,7 @@ def capsule_bounds(rows, poses, sizes, velocities, reach, margin):
 
 @subroutine
 def half_extent(shape, size, row):
-    """Give half of what a box or capsule extends over along an axis, a row of its matrix [m]."""
+    """Return the half extent of a box or capsule along an axis, a row of its matrix [m]."""
     if shape == _BOX:
         return 0.5 * (abs(row[0]) * size[0] + abs(row[1]) * size[1] + abs(row[2]) * size[2])
     return 0.5 * (abs(row[2]) * max(size[2] - size[0], 0.0) + size[0])
@@ -65,7 +65,7 @@ def half_extent(shape, size, row):
 
 @kernel
 def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
-    """Give the same for boxes and capsules, (P, 6); all columns have P rows."""
+    """Compute swept bounds of boxes and capsules, (P, 6); all columns have P rows."""
     out = np.empty((len(shapes), 6))
     for p in range(len(shapes)):
         turn = matrix_rows(poses[p, 3:])
@@ -79,7 +79,7 @@ def piece_bounds(shapes, poses, sizes, velocities, reach, margin):
 
 def overlaps(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    List the pairs of boxes that overlap, sorted, by looking into the cells of a grid.
+    List the pairs of boxes that overlap, sorted, by means of grids.
 
     :param first: three minima, three maxima, (A, 6).
     :param second: likewise, (B, 6).
@@ -111,10 +111,10 @@ def _in_hull(first, second):
 @kernel
 def _search(first, second):
     """
-    Sort boxes into cells by their lower corners, and test each of the others in its cells.
+    Sort the second boxes into grid cells by their lower corners, and test the first ones there.
 
-    Boxes of each class of widths have a grid of their own, so that one large box does not make
-    all others look far around.
+    Boxes of each class of widths have their own grid, so that one large box does not widen
+    the search for all others.
     """
     near, start = _by_width(second, _in_hull(first, second))
     pairs = np.empty((2, 64), np.int64)
@@ -147,7 +147,7 @@ def _search(first, second):
 
 @subroutine
 def _by_width(boxes, rows):
-    """Sort boxes by the class of their largest width, and give where those of each begin."""
+    """Sort boxes by the class of their largest width; return order and start of each class."""
     number, start = np.empty(len(rows), np.int64), np.zeros(_CLASSES + 1, np.int64)
     for n in range(len(rows)):
         b, k, limit = rows[n], 0, _NARROW
@@ -172,7 +172,7 @@ def _grid(boxes, rows):
     Sort boxes into the cells of a grid by their lower corners.
 
     :returns: lowest corner of all, (3,), largest width, edges of a cell, (3,), cells along each
-        axis, (3,), where the members of each begin, z by z, y by y, these, and their boxes.
+        axis, (3,), start of the members of each cell, z fastest, the members, and their boxes.
     """
     low, high, width = np.full(3, np.inf), np.full(3, -np.inf), 0.0
     for b in rows:
@@ -201,10 +201,10 @@ def _grid(boxes, rows):
     return low, width, edge, cells, first_in, member, boxes[member]
 
 
-@subroutine(_nrt=False)  # arrays are not counted, which takes longer than what is done to them
+@subroutine(_nrt=False)  # no reference counting, which would take longer than the computation
 def _test(first, a, held, member, start, end, pairs, found):
-    """Append the boxes of some cells that overlap another, and give the number of all pairs."""
-    for k in range(start, end):  # no branches, which no processor could foresee
+    """Append the boxes of some cells that overlap another; return the number of all pairs."""
+    for k in range(start, end):  # without branches, which would be unpredictable
         pairs[0, found], pairs[1, found] = a, member[k]
         found += ((held[k, 0] <= first[a, 3]) & (held[k, 3] >= first[a, 0])
                   & (held[k, 1] <= first[a, 4]) & (held[k, 4] >= first[a, 1])
@@ -214,7 +214,7 @@ def _test(first, a, held, member, start, end, pairs, found):
 
 @subroutine(_nrt=False)
 def _sort_few(pairs, begin, end):
-    """Sort numbers of the second row one by one."""
+    """Sort a range of the second row by insertion."""
     for n in range(begin + 1, end):
         value, k = pairs[1, n], n
         while k > begin and pairs[1, k - 1] > value:
@@ -225,7 +225,7 @@ def _sort_few(pairs, begin, end):
 
 @subroutine
 def _span(lower, upper, low, edge, cells):
-    """Give the first and last cell along an axis that hold what begins between two values."""
+    """Return the first and last cell along an axis for lower corners between two values."""
     first = min(max(int(math.floor((lower - low) / edge)), 0), cells)
     last = min(max(int(math.floor((upper - low) / edge)), -1), cells - 1)
     return min(first, cells - 1), last

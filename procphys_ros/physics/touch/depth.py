@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Overlap: how deep a ball or a box sticks in boxes."""
+"""Overlap: penetration depth of a ball or a box in boxes."""
 
 import numpy as np
 
@@ -29,7 +29,7 @@ press on each other [m], world, (B, 3)."""
 def overlap_ball(centre: np.ndarray, radius: float, poses: np.ndarray,
                  sizes: np.ndarray) -> Overlap:
     """
-    Give how far a ball would have to be moved out of each of many boxes.
+    Compute the penetration depth of a ball in each of many boxes.
 
     :param centre: [m], (3,), world.
     :param radius: [m].
@@ -42,7 +42,7 @@ def overlap_ball(centre: np.ndarray, radius: float, poses: np.ndarray,
 def overlap_box(pose: np.ndarray, size: np.ndarray, poses: np.ndarray,
                 sizes: np.ndarray) -> Overlap:
     """
-    Give how far a box would have to be moved out of each of many boxes.
+    Compute the penetration depth of a box in each of many boxes.
 
     :param pose: (7,).
     :param size: full extents [m], (3,).
@@ -83,7 +83,7 @@ def _overlap_box(pose, size, poses, sizes):
 
 @subroutine
 def _ball(centre, half, radius):
-    """Give depth and way out of a ball in a box, in the box's frame."""
+    """Return penetration depth and outward normal of a ball in a box, in the box's frame."""
     away = centre - np.minimum(np.maximum(centre, -half), half)
     far = np.sqrt((away ** 2).sum())
     if far > 1e-9:
@@ -97,7 +97,7 @@ def _ball(centre, half, radius):
 
 @subroutine
 def _boxes(arm, mine, size, turn, half):
-    """Separate two boxes along the axis that does it best: faces, or edge across edge."""
+    """Return least overlap and normal of two boxes, by the separating axis test."""
     least, normal = np.inf, np.zeros(3)
     for a in range(15):
         if a < 3:

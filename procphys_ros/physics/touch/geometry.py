@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Narrow phase: how capsules meet capsules and boxes in the step to come."""
+"""Narrow phase: contacts of capsules with capsules and boxes in the next step."""
 
 import math
 from typing import NamedTuple
@@ -27,25 +27,25 @@ from procphys_ros.linear_kernels import transformed, transformed_back
 from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
 from procphys_ros.rotation_kernels import matrix, matrix_rows
 
-_BOX = int(Shape.BOX)  # numba reads no enums
-_AHEAD = 1.5      # steps looked ahead: this one, and what joints lag behind in the next
-_NEAR = 0.004     # [m] gap below which things count as near, however slow
-_STRIDE = 0.5     # least way between two looks as a share of the thickness of both
-_LOOKS = 64       # at most along the way of one step
-_SPAN = 0.15      # of its length: a segment that lies along something on more touches twice
-_SLANT = 0.05     # sine of the angle up to which things count as lying along each other
-_STEEPEST = 2.0   # slope, rise over run, up to which nothing near the ground is passed over
-_HALVINGS = 26    # finds the nearest point of an axis to 1e-8 of its length
+_BOX = int(Shape.BOX)  # numba does not support enums
+_AHEAD = 1.5      # steps of prediction: this one, and the lag of joints in the next
+_NEAR = 0.004     # [m] gap below which pairs count as near, at any speed
+_STRIDE = 0.5     # least distance between two samples, as a share of the thickness of both
+_LOOKS = 64       # samples at most along the motion of one step
+_SPAN = 0.15      # of its length: a segment lying along a piece over more than this touches twice
+_SLANT = 0.05     # sine of the largest angle at which shapes count as parallel
+_STEEPEST = 2.0   # largest slope, rise over run, at which no contact with the ground is missed
+_HALVINGS = 26    # bisections: the nearest point of an axis to 1e-8 of its length
 
 
 class Meetings(NamedTuple):
     """
-    Where segments meet pieces, at most twice for each pair.
+    Contacts of segments with pieces, at most two for each pair.
 
-    :ivar pair: which pair, (C,) int.
+    :ivar pair: index of the pair, (C,) int.
     :ivar point: half way between the surfaces [m], (C, 3), world.
     :ivar normal: unit, from the piece to the segment, (C, 3).
-    :ivar gap: between the surfaces along the normal, now; negative where they overlap [m], (C,).
+    :ivar gap: present gap along the normal; negative where they overlap [m], (C,).
     """
 
     pair: np.ndarray
@@ -58,7 +58,7 @@ def meet(rows: np.ndarray, poses: np.ndarray, sizes: np.ndarray, velocities: np.
          pieces: np.ndarray, shapes: np.ndarray, piece_poses: np.ndarray,
          piece_sizes: np.ndarray, piece_velocities: np.ndarray, dt: float) -> Meetings:
     """
-    Look which pairs come so near each other in the next step that they may touch.
+    Find the contacts of pairs that may touch in the next step.
 
     :param rows: segment of each pair, (K,).
     :param poses: of all segments, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
@@ -102,7 +102,7 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
                     _note(count, nx, ny, nz, bx, by, bz, found, point, normal)
                     count += 1
                 continue
-            if high > low:  # on less it touches once, in the middle and not at one end
+            if high > low:  # a shorter overlap has one contact, in its middle
                 _, _, nx, ny, nz, bx, by, bz = _nearest(
                     poses[i, :3], poses[i, 3:], sizes[i], 0.5 * (low + high), shapes[p],
                     piece_poses[p], piece_sizes[p])
@@ -114,11 +114,11 @@ def _meet(rows, poses, sizes, velocities, pieces, shapes, piece_poses, piece_siz
 @subroutine
 def _approach(pose, size, slip, way, shape, piece_pose, piece_size, dt):
     """
-    Look where on the way of a step a segment comes so near a piece that it may touch it.
+    Find where a segment may touch a piece on its way in a step, by conservative advancement.
 
-    :param slip: velocity of the segment's middle past that of the piece [m/s], (3,).
-    :param way: most that any of their points come towards each other in the step [m].
-    :returns: gap [m], inf = none; when [s]; place on the axis, normal, nearest point of the piece.
+    :param slip: velocity of the segment's centre relative to the piece's [m/s], (3,).
+    :param way: upper bound of the approach of their points in the step [m].
+    :returns: gap [m], inf = none; time [s]; axis parameter, normal, nearest point of the piece.
     """
     thick = 0.5 * _STRIDE * (size[0] + piece_size.min())
     speed = math.sqrt((slip ** 2).sum())
@@ -134,9 +134,9 @@ def _approach(pose, size, slip, way, shape, piece_pose, piece_size, dt):
             x, y, z, qx, qy, qz = nx, ny, nz, bx, by, bz
         if found <= _NEAR or _AHEAD * way <= thick:
             break
-        time += max(found, thick) / max(speed, 1e-9)  # nothing is nearer than that
+        time += max(found, thick) / max(speed, 1e-9)  # no contact before that
         if time > _AHEAD * dt:
-            best = np.inf  # passes by
+            best = np.inf  # no contact in the step
             break
     return best, late, t, x, y, z, qx, qy, qz
 
@@ -144,14 +144,14 @@ def _approach(pose, size, slip, way, shape, piece_pose, piece_size, dt):
 def meet_ground(rows: np.ndarray, both: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
                 velocities: np.ndarray, dt: float, terrain: Terrain = FLAT) -> Meetings:
     """
-    Look which segments may touch the ground with their tips in the next step.
+    Find the contacts of segment tips with the ground that are possible in the next step.
 
     :param rows: of the segments, (K,).
     :param both: whether the start of a segment counts as well as its tip, (K,).
     :param poses: of all segments, (S, 7); `sizes` (S, 3) and `velocities` (S, 6) likewise.
     :param dt: time step [s].
     :param terrain: the surface of the ground.
-    :returns: `pair` is the place in `rows`.
+    :returns: contacts; `pair` is the index in `rows`.
     """
     return Meetings(*_meet_ground(rows, both, poses, sizes, velocities, dt, terrain))
 
@@ -211,9 +211,9 @@ def _note(count, x, y, z, qx, qy, qz, gap, point, normal):
 @subroutine
 def _nearest(centre, attitude, size, at, shape, pose, extent):
     """
-    Give gap, place on the segment's axis from 0 to 1, normal, and nearest point of the piece.
+    Compute gap, axis parameter of the segment from 0 to 1, normal, and nearest point of the piece.
 
-    :param at: place on the axis that is asked for; -1 = the nearest.
+    :param at: axis parameter to evaluate at; -1 = the nearest.
     """
     half, radius = 0.5 * max(size[2] - size[0], 0.0), 0.5 * size[0]
     axis = matrix(attitude)[:, 2].copy()
@@ -236,7 +236,7 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
         far = math.sqrt((n ** 2).sum())
         if far > 1e-9:
             n = n / far
-        else:  # axes cross: any way across both will do
+        else:  # axes cross: any common normal will do
             n = np.array([axis[1] * along[2] - axis[2] * along[1],
                           axis[2] * along[0] - axis[0] * along[2],
                           axis[0] * along[1] - axis[1] * along[0]])
@@ -250,7 +250,7 @@ def _nearest(centre, attitude, size, at, shape, pose, extent):
 
 @subroutine
 def _span(pose, size, shape, other, extent, t):
-    """Give the places between which a segment lies along a piece, both t if it does not."""
+    """Return the axis parameters between which a segment lies along a piece, else t twice."""
     half = 0.5 * max(size[2] - size[0], 0.0)
     axis = matrix(pose[3:])[:, 2].copy()
     turn = matrix(other[3:])
@@ -277,7 +277,7 @@ def _span(pose, size, shape, other, extent, t):
 
 @subroutine
 def _rise(p, d, half, level):
-    """Find where the slope of half the squared distance to a box rises above a level, 0 to 1."""
+    """Find where the slope of half the squared distance to a box exceeds a level, 0 to 1."""
     low, high = 0.0, 1.0
     for _ in range(_HALVINGS):  # the slope grows with t
         t = 0.5 * (low + high)
@@ -298,7 +298,7 @@ def _rise(p, d, half, level):
 
 @subroutine
 def _axes(p, d, q, e):
-    """Give the parameters of the nearest points of two axes p + t·d and q + s·e, 0 to 1."""
+    """Compute the parameters of the nearest points of two axes p + t·d and q + s·e, 0 to 1."""
     dd, ee, de = (d ** 2).sum(), (e ** 2).sum(), (d * e).sum()
     r = p - q
     dr, er = (d * r).sum(), (e * r).sum()
@@ -319,7 +319,7 @@ def _axes(p, d, q, e):
 @subroutine
 def _box(p, d, half):
     """
-    Find where the axis p + t·d is nearest to a box, in the box's frame.
+    Find the point of the axis p + t·d nearest to a box, in the box's frame.
 
     :returns: t, normal outwards, distance (negative inside), nearest point of the surface.
     """
@@ -331,7 +331,7 @@ def _box(p, d, half):
     if far > 1e-7:
         return t, n[0] / far, n[1] / far, n[2] / far, far, q
     inner, deepest, side = t, -np.inf, 2
-    for trial in range(9):  # the axis enters the box: least deep face at its deepest point
+    for trial in range(9):  # the axis enters the box: nearest face at its deepest point
         s = t + (1.0 - t) * trial / 8.0
         y = p + s * d
         outside = np.abs(y) - half

@@ -14,12 +14,12 @@
 
 
 """
-Impulses: what contacts must exert so that nothing goes through anything, friction included.
+Impulses: contact impulses with friction that prevent penetration.
 
 Projected Gauss-Seidel on velocities (Catto 2005, Iterative Dynamics with Temporal Coherence): each
-contact in turn corrects its normal velocity by an impulse that only pushes, and its sliding by one
-inside the cone of friction. Trees answer with the response matrices that their kernel foresees,
-rigid bodies with mass and inertia, all else not at all.
+contact in turn corrects its normal velocity by a non-negative impulse, and its slip by one inside
+the friction cone. Trees respond by the response matrices that their kernel predicts, rigid bodies
+by mass and inertia, other partners are immovable.
 """
 
 import math
@@ -31,23 +31,23 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.linear_kernels import dot, product, transformed
 
 _ITERATIONS = 40
-_CONVERGED = 1e-6  # largest change of velocity at a contact in one turn [m/s] that ends the turns
-_TURN = 3e-3       # of the largest speed at the beginning, likewise
+_CONVERGED = 1e-6  # [m/s] largest change of velocity at a contact in a converged iteration
+_TURN = 3e-3       # of the largest initial speed, likewise
 _RIGID = 1e-9      # share of the largest response of a contact, below which it is rounding
-_IMMOVABLE = 1e-15  # [1/kg] response of what counts as immovable in every direction
+_IMMOVABLE = 1e-15  # [1/kg] largest response of contacts immovable in every direction
 
 
 class Partners(NamedTuple):
     """
-    What meets in each contact.
+    Bodies of each contact: a tree and its partner.
 
     :ivar end: point on a tree, row of the `ContactResponse`, (C,).
     :ivar other: point on another tree, or -1, (C,).
     :ivar body: rigid body, row of the columns below, or -1, (C,).
     :ivar arm: from the centre of mass of this body [m], (C, 3), world.
-    :ivar inverse_mass: of the bodies [1/kg], 0 for those that do not yield, (B,).
+    :ivar inverse_mass: of the bodies [1/kg], 0 for immovable ones, (B,).
     :ivar inverse_inertia: likewise [1/(kg·m²)], world axes, (B, 3, 3).
-    :ivar motion: velocities that they would have without contact, (B, 6); changed.
+    :ivar motion: velocities of the bodies without contact, (B, 6); updated.
     """
 
     end: np.ndarray
@@ -63,18 +63,16 @@ class Partners(NamedTuple):
 def resolve(normal, least, mass, friction, partners, velocity, first, place, count, response,
             total):
     """
-    Find the impulses of all contacts.
+    Solve for the impulses of all contacts.
 
     :param normal: from the partner to the tree, (C, 3).
-    :param least: normal velocity that each contact must have at the end [m/s], (C,).
-    :param mass: most that a contact may show [kg], (C,). Close to a joint a tree shows ever more,
-        and what moves on there is let in slowly rather than turned by such an impulse.
+    :param least: least normal velocity of each contact at the end [m/s], (C,).
+    :param mass: largest effective mass of a contact [kg], (C,). That of a tree grows without
+        bound close to a joint; the bound admits slow penetration there instead of huge impulses.
     :param friction: Coulomb coefficient, (C,).
-    :param velocity: of the points on trees [m/s], (E, 3), the points of a tree one after the
-        other.
+    :param velocity: of the points on trees [m/s], (E, 3), sorted by tree; updated.
     :param first, place, count, response: as in the `ContactResponse` of the trees.
-    :param total: impulses on the trees [N·s], (C, 3); velocities are those with these, and all
-        are changed to what they must be.
+    :param total: impulses on the trees [N·s], (C, 3), that velocities already include; updated.
     """
     soft = np.empty(len(normal))
     friction = friction.copy()
@@ -96,7 +94,7 @@ def resolve(normal, least, mass, friction, partners, velocity, first, place, cou
 @kernel
 def slips(partners, velocity):
     """
-    Give the velocity of the tree relative to its partner at each contact [m/s], (C, 3).
+    Compute the velocity of the tree relative to its partner at each contact [m/s], (C, 3).
 
     :param velocity: of the points on trees [m/s], (E, 3).
     """
@@ -109,9 +107,9 @@ def slips(partners, velocity):
 @kernel
 def islands(partners, place, ends):
     """
-    Label contacts, (C,): the same for those that trees or yielding bodies connect.
+    Label the islands of contacts, connected by trees or movable bodies, (C,).
 
-    :param place: of each point among those on its tree, (E,), as in the `ContactResponse`.
+    :param place: index of each point among those on its tree, (E,), see `ContactResponse`.
     :param ends: number of points, E.
     """
     island = np.arange(len(partners.end))
@@ -143,7 +141,7 @@ def _first_of(c, island):
 @subroutine
 def _resolve_island(chosen, normal, least, friction, partners, velocity, first, place, count,
                     response, yielding, sliding, soft, total):
-    """Correct the chosen contacts in turns until none of them changes by much."""
+    """Iterate over the contacts of an island until their velocities converge."""
     fastest = 0.0
     for c in chosen:
         fastest = max(fastest, least[c] - _along(normal, c, _slip(c, partners, velocity)))
@@ -167,7 +165,7 @@ def _resolve_island(chosen, normal, least, friction, partners, velocity, first, 
 
 @subroutine
 def _correct(c, normal, least, friction, yielding, sliding, soft, total, slip):
-    """Give the change of an impulse that corrects its contact, within the cone of friction."""
+    """Compute the change of impulse that corrects a contact, within the friction cone."""
     nx, ny, nz = normal[c, 0], normal[c, 1], normal[c, 2]
     before = _along(normal, c, (total[c, 0], total[c, 1], total[c, 2]))
     closing = _along(normal, c, slip)
@@ -190,7 +188,7 @@ def _along(normal, c, v):
 
 @subroutine
 def _slip(c, partners, velocity):
-    """Give the velocity of the tree relative to its partner at contact c."""
+    """Return the velocity of the tree relative to its partner at contact c."""
     end, other, b = partners.end[c], partners.other[c], partners.body[c]
     x, y, z = velocity[end, 0], velocity[end, 1], velocity[end, 2]
     if other >= 0:
@@ -207,7 +205,7 @@ def _slip(c, partners, velocity):
 
 @subroutine
 def _exert(c, x, y, z, partners, velocity, first, place, count, response):
-    """Let contact c push its partners apart."""
+    """Apply an impulse at contact c to the tree, and its opposite to the partner."""
     other, b = partners.other[c], partners.body[c]
     _move(partners.end[c], x, y, z, velocity, first, place, count, response)
     if other >= 0:
@@ -226,7 +224,7 @@ def _exert(c, x, y, z, partners, velocity, first, place, count, response):
 
 @subroutine
 def _move(end, x, y, z, velocity, first, place, count, response):
-    """Let all points on the tree of an end answer to an impulse there."""
+    """Update the velocities of all points on the tree of an end for an impulse there."""
     start, n = end - place[end], count[end]
     row = first[end] + place[end]
     for p in range(n):
@@ -240,12 +238,12 @@ def _move(end, x, y, z, velocity, first, place, count, response):
 def _prepare(c, n, partners, first, place, count, response, floor, yielding, sliding, soft,
              friction):
     """
-    Work out how a contact yields along its normal, and at most across it [1/kg].
+    Compute the inverse effective masses of a contact, normal and largest tangential [1/kg].
 
-    Both are infinite where nothing moves, so that no impulse is tried in vain: a straight pole
-    that is pushed along its axis, for example. Responses below the floor count as the floor; what
-    is missing makes the contact soft. Friction that would press the contact together faster than
-    its normal impulse opens it has no solution (Painlevé's paradox), and is limited to half of it.
+    Both are set to infinity where the contact is immovable, so that no impulse acts: a straight
+    pole pushed along its axis, for example. Responses below the floor count as the floor; the
+    difference makes the contact soft. Friction that would close the contact faster than its
+    normal impulse opens it has no solution (Painlevé's paradox), and is limited to half of that.
     """
     full = np.zeros((3, 3))
     for end in (partners.end[c], partners.other[c]):
