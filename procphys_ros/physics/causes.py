@@ -18,16 +18,16 @@ from enum import IntEnum
 
 
 class Cause(IntEnum):
-    """What broke a bond."""
+    """Cause of the failure of a bond."""
 
     FORCE = 0        # transmitted force above the limit of a branch's joint
     TWIST = 1        # twisting moment above the limit of a branch's joint
     BENDING = 2      # bending stress above the strength of the wood
-    TENSION = 3      # mortar pulled apart, or part of a mechanism that no equilibrium holds
+    TENSION = 3      # mortar pulled apart, or part of a mechanism without equilibrium
     SHEAR = 4        # mortar sheared off
     COMPRESSION = 5  # mortar or unit crushed
     IMPACT = 6       # struck by a projectile or by debris
     BLAST = 7        # torn out by an explosion
     DEMOLITION = 8   # cut by a timed charge
     UPROOTING = 9    # root plate turned out of the ground
-    PULLED_OFF = 10  # climbing plant pulled off what it grew on, or that gave way
+    PULLED_OFF = 10  # climbing plant pulled off its host, or its host gave way

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fracture energy: the work to part a joint of mortar, per area, by the way it comes apart."""
+"""Fracture energy: work per area to separate a mortar joint, by failure mode."""
 
 import numpy as np
 

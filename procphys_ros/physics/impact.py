@@ -12,22 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impact: how long blows of hard bodies last."""
+"""Impact: contact time of hard bodies."""
 
 import numpy as np
 
 from procphys_ros.elementary import cbrt
 
-# [Pa] effective modulus of a contact, E*: a tenth of that of whole bricks, because edges and
-# mortar crush.
+# [Pa] effective modulus of a contact, E*: a tenth of that of whole bricks, as edges and mortar
+# crush.
 MODULUS = 0.5e9
 
-# [s/kg^(1/3)] Hertz' contact of compact lumps of 1900 kg/m³ at 3 m/s, whose time grows with their
+# [s/kg^(1/3)] Hertzian contact time of compact lumps of 1900 kg/m³ at 3 m/s, proportional to their
 # size. A brick of 3 kg is in contact for 2 ms, a ball of 2 t for 18 ms.
 CONTACT_TIME = 1.4e-3
 
-# [m] up to which faces touch on their highest points: bricks keep to 0.4·√mm of their size
-# (EN 771-1, T1), faces of 60 mm to 3 mm; what has broken off has teeth half a brick high.
+# [m] height of the asperities of faces: bricks keep to 0.4·√mm of their size
+# (EN 771-1, T1), faces of 60 mm to 3 mm; fragments have toothing of half a brick.
 FACES, TEETH = 3e-3, 0.03
 
 _LIGHT = 1e-30  # [kg], [m/s] keeps rates finite
@@ -36,20 +36,20 @@ _LIGHT = 1e-30  # [kg], [m/s] keeps rates finite
 def contact_time(mass: float | np.ndarray, radius: float | np.ndarray = 0.0,
                  speed: float | np.ndarray = 0.0, uneven: float = FACES) -> np.ndarray:
     """
-    Give how long a blow of hard bodies on masonry lasts [s]; its mean force is momentum over this.
+    Compute the contact time of hard bodies on masonry [s]; momentum over it is the mean force.
 
-    Of what is round Hertz' 2.87·(m² / (R·E*²·v))^(1/5) (Johnson 1985, Contact Mechanics, 11.4)
-    with the radius R of a ball of that mass. Its dependence on speed, v^(-1/5), is left out. Flat
-    faces meet on their highest points, too; what comes 1/2.94 of speed times duration closer (the
-    same source) than these are high lies on a spring of stiffness 2·a·E* besides (3.4), on which a
-    mass stays for half a period.
+    For round bodies Hertz' 2.87·(m² / (R·E*²·v))^(1/5) (Johnson 1985, Contact Mechanics, 11.4)
+    with the radius R of a ball of that mass. Its dependence on speed, v^(-1/5), is neglected. Flat
+    faces first touch on their asperities, too; when the approach, 1/2.94 of speed times duration
+    (the same source), exceeds their height, a spring of stiffness 2·a·E* (3.4) acts in parallel,
+    with a contact time of half a period.
 
-    :param mass: of what strikes, reduced with that of what it strikes if this gives way,
-        1 / (1/m + 1/M) [kg]; inf = nothing moves, and the blow never ends.
-    :param radius: a of the patch on which flat faces touch, that of a circle as large [m]; 0 =
-        they touch in a point.
+    :param mass: of the striking body, reduced with that of a struck body that can move,
+        1 / (1/m + 1/M) [kg]; inf = immovable bodies, with infinite contact time.
+    :param radius: radius a of a circle of the area of contact of flat faces [m]; 0 =
+        contact in a point.
     :param speed: of approach [m/s].
-    :param uneven: how high the highest points of the faces are [m].
+    :param uneven: height of the asperities of the faces [m].
     """
     mass = np.maximum(mass, _LIGHT)
     slow = CONTACT_TIME * cbrt(mass)

@@ -23,7 +23,7 @@ from procphys_ros.rotation_kernels import matrix_rows
 def motion_energy(mass: np.ndarray, inertia: np.ndarray, attitude: np.ndarray,
                   velocities: np.ndarray) -> np.ndarray:
     """
-    Give the kinetic energy of rigid bodies [J], (K,).
+    Compute the kinetic energy of rigid bodies [J], (K,).
 
     :param mass: [kg], (K,).
     :param inertia: principal moments in the body's axes [kg·m²], (K, 3).
@@ -44,7 +44,7 @@ def _motion_energy(mass, inertia, attitude, velocities):
 
 @kernel
 def kinetic_energy(mass, inertia, attitude, velocity):
-    """Give the kinetic energy of one rigid body [J], see `motion_energy`."""
+    """Compute the kinetic energy of one rigid body [J], see `motion_energy`."""
     x, y, z = matrix_rows(attitude)
     u, v, w = velocity[3], velocity[4], velocity[5]
     energy = mass * (velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
@@ -56,7 +56,7 @@ def kinetic_energy(mass, inertia, attitude, velocity):
 @kernel
 def free_spins(inertia, before, after, spin):
     """
-    Give the spins that free bodies have in other attitudes: their angular momentum stays.
+    Compute the spins of free bodies at other attitudes by conservation of angular momentum.
 
     :param inertia: principal moments in the body's axes [kg·m²], (K, 3).
     :param before, after: attitudes, xyzw, (K, 4).

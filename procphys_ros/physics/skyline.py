@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Skyline: how high what stands reaches, cell by cell, for all that comes down on it."""
+"""Skyline: grid of the heights of structures, for leaves and dust that settle on them."""
 
 from typing import NamedTuple
 
@@ -23,16 +23,16 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.terrain import height_at as ground_at
 
-_EDGE = 0.25   # [m] of a cell: leaves and dust stop so close to a wall
+_EDGE = 0.25   # [m] of a cell: distance from a wall at which leaves and dust stop
 _MOST = 1000   # cells along an axis; beyond, they are larger
-_LIFTED = 0.1  # [m] above what there is: it lay on something that is gone
+_LIFTED = 0.1  # [m] above the skyline: least height of points whose support is gone
 
 
 class Skyline(NamedTuple):
     """
-    Heights of what stands, over cells of the ground.
+    Heights of structures over cells of the ground.
 
-    :ivar tops: [m], (X, Y); 0, or over a terrain -inf, where nothing stands.
+    :ivar tops: [m], (X, Y); 0, or over a terrain -inf, in empty cells.
     :ivar low: corner of the first cell [m], (2,).
     :ivar edge: of a cell [m].
     :ivar terrain: the surface of the ground.
@@ -46,7 +46,7 @@ class Skyline(NamedTuple):
     @classmethod
     def over(cls, bounds: np.ndarray, terrain: Terrain = FLAT) -> 'Skyline':
         """
-        Draw the skyline of boxes.
+        Build the skyline of boxes.
 
         :param bounds: three minima, three maxima [m], (K, 6), world.
         :param terrain: the surface of the ground.
@@ -61,16 +61,16 @@ class Skyline(NamedTuple):
         return cls(tops, low, edge, terrain)
 
     def left_in_the_air(self, points: np.ndarray) -> np.ndarray:
-        """Return which points, (K, 3), of what lay on something lie on nothing any more, (K,)."""
+        """Mark the settled points, (K, 3), whose support is gone, (K,) bool."""
         return _left(self, np.ascontiguousarray(points, float))
 
 
-OPEN = Skyline(np.zeros((0, 0)), np.zeros(2), _EDGE)  # nothing stands
+OPEN = Skyline(np.zeros((0, 0)), np.zeros(2), _EDGE)  # without structures
 
 
 @kernel
 def _raise_tops(bounds, low, edge, tops):
-    """Raise all cells that a box covers, be it in part, to its top."""
+    """Raise all cells that a box covers, also partly, to its top."""
     for k in range(len(bounds)):
         for x in range(int((bounds[k, 0] - low[0]) / edge),
                        int((bounds[k, 3] - low[0]) / edge) + 1):
@@ -81,13 +81,13 @@ def _raise_tops(bounds, low, edge, tops):
 
 @kernel
 def height_at(skyline, x, y):
-    """Give how high what stands, or the ground, reaches at a place [m]."""
+    """Return the height of structures, or of the ground, at a point [m]."""
     return max(_built(skyline, x, y), ground_at(skyline.terrain, x, y))
 
 
 @kernel
 def _built(skyline, x, y):
-    """Give how high what stands reaches at a place [m]."""
+    """Return the height of structures at a point [m]."""
     column = np.floor((x - skyline.low[0]) / skyline.edge)
     row = np.floor((y - skyline.low[1]) / skyline.edge)
     if (column < 0 or row < 0 or column >= skyline.tops.shape[0]
@@ -107,13 +107,13 @@ def _left(skyline, points):
 @kernel
 def keep_out(skyline, before, x, y, z):
     """
-    Stop what would go into what stands: at its sides, or on top of it.
+    Keep a moving point out of structures: stop it at their sides, or on top of them.
 
-    What is below a top already, as in a room or under eaves, is let go where it will.
+    Points already below a top, as in a room or under eaves, move freely.
 
-    :param before: where it was, three coordinates [m].
-    :param x, y, z: where it would go [m].
-    :returns: where it goes instead, and the height of what is below it there [m].
+    :param before: previous position, three coordinates [m].
+    :param x, y, z: new position without structures [m].
+    :returns: corrected horizontal position, and the height of the surface below it [m].
     """
     floor = height_at(skyline, before[0], before[1])
     ground = ground_at(skyline.terrain, x, y)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Terrain: the surface of the ground, the same for all that stands, falls or looks on it."""
+"""Terrain: the surface of the ground, shared by physics, sensors and rendering."""
 
 from typing import NamedTuple
 import zlib
@@ -26,14 +26,14 @@ from procphys_ros.linear import norm
 
 class Terrain(NamedTuple):
     """
-    Heights over a grid of square cells; beyond its edges the ground goes on level with them.
+    Height field over a grid of square cells, extended level beyond its edges.
 
     Each cell is two triangles. They share the diagonal from the corner of the largest x to the
-    corner of the largest y, as in the height fields of Bullet and of parry, so that all see the
+    corner of the largest y, as in the height fields of Bullet and of parry, so that all use the
     same surface.
 
     :ivar heights: at the corners of the cells [m], (X, Y), X along x; no corners = flat ground.
-    :ivar low: place of the first corner [m], (2,), world.
+    :ivar low: position of the first corner [m], (2,), world.
     :ivar edge: of a cell [m].
     """
 
@@ -47,16 +47,16 @@ class Terrain(NamedTuple):
         return not len(self.heights)
 
     def __repr__(self) -> str:
-        """Tell terrains apart in a line."""
+        """Return a line that identifies the terrain."""
         return (f'Terrain({self.heights.shape}, {zlib.crc32(self.heights.tobytes()):x}, '
                 f'{self.low.tolist()}, {self.edge})')
 
     def height(self, points: np.ndarray) -> np.ndarray:
         """
-        Give how high the ground is at places.
+        Compute the heights of the ground at points.
 
         :param points: [m], (K, 2) or (K, 3), of which x and y count.
-        :returns: [m], (K,).
+        :returns: heights [m], (K,).
         """
         points = np.asarray(points, float)
         if self.is_flat:
@@ -64,12 +64,12 @@ class Terrain(NamedTuple):
         return _heights(self, np.ascontiguousarray(points[:, :2]))
 
     def normal(self, points: np.ndarray) -> np.ndarray:
-        """Give the upward unit normals at places, (K, 2) or (K, 3), as (K, 3)."""
+        """Compute the upward unit normals at points, (K, 2) or (K, 3), as (K, 3)."""
         return _normals(self, np.ascontiguousarray(np.asarray(points, float)[:, :2]))
 
     def range(self, origin: np.ndarray, direction: np.ndarray, reach: float = np.inf) -> float:
         """
-        Give how far along a ray the ground is, from above; inf = the ray does not meet it.
+        Compute the range of the ground along a ray from above; inf = the ray misses it.
 
         :param origin: [m], (3,).
         :param direction: unit, (3,).
@@ -81,10 +81,10 @@ class Terrain(NamedTuple):
 
     def mesh(self, margin: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
         """
-        Give the surface as triangles, counterclockwise from above.
+        Build the triangle mesh of the surface, counterclockwise from above.
 
-        :param margin: how far it goes on beyond the edges of the grid [m].
-        :returns: points [m], (P, 3), and their indices, (F, 3); none of flat ground.
+        :param margin: extension beyond the edges of the grid [m].
+        :returns: points [m], (P, 3), and their indices, (F, 3); empty for flat ground.
         """
         if self.is_flat:
             return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
@@ -101,7 +101,7 @@ class Terrain(NamedTuple):
         return points, faces
 
     def vertex_normals(self, margin: float = 0.0) -> np.ndarray:
-        """Give upward unit normals at the points of `mesh`, for smooth shading, (P, 3)."""
+        """Compute upward unit normals at the points of `mesh`, for smooth shading, (P, 3)."""
         slope = np.stack(np.gradient(self.heights, self.edge), axis=-1)
         if margin > 0.0:
             slope = np.pad(slope, ((1, 1), (1, 1), (0, 0)))
@@ -109,13 +109,13 @@ class Terrain(NamedTuple):
         return normals / norm(normals, axis=1, keepdims=True)
 
     def padded(self, margin: float) -> 'Terrain':
-        """Go on with further cells beyond the edges, level with them, for at least so far [m]."""
+        """Return the terrain extended beyond its edges by level cells, by at least a margin [m]."""
         cells = int(np.ceil(margin / self.edge))
         return Terrain(np.pad(self.heights, cells, mode='edge'), self.low - cells * self.edge,
                        self.edge)
 
     def bounds(self) -> tuple[float, float]:
-        """Give the heights of the lowest and of the highest point [m]."""
+        """Return the heights of the lowest and of the highest point [m]."""
         return (0.0, 0.0) if self.is_flat else (float(self.heights.min()),
                                                 float(self.heights.max()))
 
@@ -125,10 +125,10 @@ FLAT = Terrain(np.zeros((0, 0)), np.zeros(2), 1.0)  # the plane z = 0
 
 @subroutine
 def _cell(terrain, x, y):
-    """Find the cell of a place, and where in it: two indices, two shares of the edge."""
+    """Find the cell of a point: two indices, and two fractions within the cell."""
     u, v = (x - terrain.low[0]) / terrain.edge, (y - terrain.low[1]) / terrain.edge
     columns, rows = terrain.heights.shape
-    u = min(u, columns - 1.0) if u > 0.0 else 0.0  # what is no number ends up here, too
+    u = min(u, columns - 1.0) if u > 0.0 else 0.0  # NaN becomes 0, too
     v = min(v, rows - 1.0) if v > 0.0 else 0.0
     i, j = min(int(u), columns - 2), min(int(v), rows - 2)
     return i, j, u - i, v - j
@@ -136,7 +136,7 @@ def _cell(terrain, x, y):
 
 @subroutine
 def height_at(terrain, x, y):
-    """Give how high the ground is at a place [m]."""
+    """Compute the height of the ground at a point [m]."""
     h = terrain.heights
     if h.shape[0] == 0:
         return 0.0
@@ -149,7 +149,7 @@ def height_at(terrain, x, y):
 
 @subroutine
 def normal_at(terrain, x, y):
-    """Give the upward unit normal of the ground at a place, three numbers."""
+    """Compute the upward unit normal of the ground at a point, three numbers."""
     h = terrain.heights
     if h.shape[0] == 0:
         return 0.0, 0.0, 1.0
@@ -187,11 +187,11 @@ def _normals(terrain, points):
 @subroutine
 def _next_line(place, way, count):
     """
-    Give the share of a ray to the first of the lines 0, 1, … count - 1 across it.
+    Compute the ray parameter at the first of the grid lines 0, 1, … count - 1.
 
-    :param place: where the ray starts, in lines.
-    :param way: lines that it crosses along its whole length.
-    :returns: share to the first line, share between lines; inf = it crosses none.
+    :param place: start of the ray, in line spacings.
+    :param way: length of the ray, in line spacings.
+    :returns: ray parameter at the first line, and between lines; inf = it crosses none.
     """
     if way == 0.0:
         return np.inf, np.inf
@@ -209,10 +209,10 @@ def _next_line(place, way, count):
 @kernel
 def ray_range(terrain, bottom, top, x, y, z, dx, dy, dz, reach):
     """
-    Give how far along a ray the ground is [m], inf = it does not meet it from above.
+    Compute the range of the ground along a ray from above [m], inf = the ray misses it.
 
-    Along a ray the height over the ground is linear between lines of the grid and diagonals. They
-    are gone through in their order (Amanatides and Woo 1987, with the diagonals as a third set).
+    Along a ray the height over the ground is linear between grid lines and diagonals. They are
+    traversed in order (Amanatides and Woo 1987, with the diagonals as a third set).
 
     :param bottom, top: see `Terrain.bounds`.
     :param x, y, z: origin [m].

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Dust: how much of it rises when mortar bursts and things hit, and where the wind takes it."""
+"""Dust: emission by fracture and impacts, and transport by the wind."""
 
 from procphys_ros.physics.dust.cloud import DustCloud, Puffs, State, stokes_speed
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY, lost_energy

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cloud: puffs of dust that drift, spread, thin out and come down, in a ring of fixed size."""
+"""Cloud: puffs of dust that drift, disperse and settle, in a ring buffer."""
 
 from collections.abc import Callable
 from enum import IntEnum
@@ -30,27 +30,28 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 
 GRAIN_DENSITY = 2000.0  # [kg/m³] mortar and brick
 _MEDIAN, _SPREAD = 20e-6, log(2.0)  # [m], [-] of a lognormal of grain diameters by mass
-# Above 60 µm Stokes' law fails (Reynolds number near 1): such grains drop at once, like sand.
+# Above 60 µm Stokes' law fails (Reynolds number near 1): such grains fall at once, like sand.
 _FINEST, _COARSEST = 1e-6, 60e-6  # [m]
-# Extinction of grains much larger than light waves: twice their shadow.
+# Extinction of grains much larger than light waves: twice their projected area.
 _EXTINCTION = 3.0 / GRAIN_DENSITY  # [m³/kg], over the grain diameter: area per mass
-_PUFF_MASS = 1e-4  # [kg] of a puff, while there is room for so many
-_MOST_BIRTHS = 0.02  # puffs born at once, as a share of the ring; beyond, puffs get heavier
-# What air holds in the middle of a puff, and around a hit, when dust has just risen: our choice.
+_PUFF_MASS = 1e-4  # [kg] least mass of a puff
+_MOST_BIRTHS = 0.02  # largest number of puffs emitted at once, as a share of the ring; beyond,
+#                      puffs get heavier
+# Concentration in the middle of a puff, and around an impact, at emission: our choice.
 _YOUNG = 2e-3  # [kg/m³]
 # Puffs in a neutral atmosphere have spread to 4 m after 100 m (Slade 1968, Meteorology and atomic
 # energy): σ² = 2Kt with K = 0.08 m times the speed. Half of it moves puffs, half widens them.
 _MIXING = 0.08  # [m]
-_STILL_MIXING = 0.02  # [m²/s] what falling rubble stirs up in still air; our choice
-_THINNEST = 1e-4  # optical depth below which nobody sees a puff
+_STILL_MIXING = 0.02  # [m²/s] mixing by falling rubble in still air; our choice
+_THINNEST = 1e-4  # optical depth below which a puff is invisible
 
 
 class State(IntEnum):
-    """What has become of a puff."""
+    """State of a puff."""
 
-    GONE = 0      # thinned out, or never born
+    GONE = 0      # dispersed, or an unused row
     AIRBORNE = 1
-    LYING = 2     # on the ground, or on what stands
+    LYING = 2     # settled on the ground, or on a structure
 
 
 _GONE, _LYING = int(State.GONE), int(State.LYING)
@@ -58,11 +59,11 @@ _GONE, _LYING = int(State.GONE), int(State.LYING)
 
 class Puffs(NamedTuple):
     """
-    The dust that there is, one row per puff.
+    All present puffs of dust, one row each.
 
     :ivar positions: [m], world, (K, 3).
-    :ivar sizes: diameter, two deviations to each side [m], (K,).
-    :ivar opacity: light held back in the middle, 0 to 1, (K,).
+    :ivar sizes: diameter, two standard deviations to each side [m], (K,).
+    :ivar opacity: share of light absorbed in the middle, 0 to 1, (K,).
     :ivar ages: [s], (K,).
     """
 
@@ -73,25 +74,25 @@ class Puffs(NamedTuple):
 
     @classmethod
     def none(cls) -> 'Puffs':
-        """Give no dust at all."""
+        """Return a table without puffs."""
         return cls(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros(0))
 
 
 class DustCloud:
     """
-    Puffs of one grain size each; when the ring is full, the oldest are forgotten.
+    Puffs of one grain size each; when the ring is full, the oldest are overwritten.
 
-    :param capacity: number of puffs that there can be.
-    :param seed: of grain sizes, places and turbulence.
+    :param capacity: largest number of puffs.
+    :param seed: of grain sizes, positions and turbulence.
     :param gravity: downward acceleration [m/s²].
     :param terrain: the surface of the ground.
 
     :ivar position: [m], world, (C, 3).
-    :ivar deviation: of the dust about the middle of each puff [m], (C,).
+    :ivar deviation: standard deviation of each puff [m], (C,).
     :ivar mass: [kg], (C,).
     :ivar grain: diameter of its grains [m], (C,).
     :ivar state: `State`, (C,) uint8.
-    :ivar owed: dust that is too little for a puff so far [kg].
+    :ivar owed: emitted dust that is not yet enough for a puff [kg].
     """
 
     _terrain: Terrain
@@ -109,7 +110,7 @@ class DustCloud:
         self.clear()
 
     def clear(self) -> None:
-        """Let all dust vanish, and start the turbulence anew."""
+        """Remove all dust, and restart the random numbers."""
         self._rng = np.random.default_rng(self._seed)
         self.state[:] = State.GONE
         self._airborne = False
@@ -119,12 +120,12 @@ class DustCloud:
 
     @property
     def dusty(self) -> bool:
-        """Return whether there is dust, in the air or lying."""
+        """Return whether there is dust, airborne or settled."""
         return bool(self.state.any())
 
     @property
     def puffs(self) -> Puffs:
-        """Give the puffs that there are."""
+        """Return the present puffs."""
         rows = np.flatnonzero(self.state)
         depth = _depth(self.mass[rows], self.grain[rows], self.deviation[rows])
         return Puffs(self.position[rows], 4.0 * self.deviation[rows], -expm1(-depth),
@@ -132,14 +133,14 @@ class DustCloud:
 
     def raise_dust(self, points: np.ndarray, spread: np.ndarray, energy: np.ndarray) -> int:
         """
-        Let dust rise in proportion to energy.
+        Emit dust in proportion to energy.
 
-        What is too little for a puff is kept in `owed` [kg] and rises with the next.
+        Dust not enough for a puff is kept in `owed` [kg] and emitted with the next.
 
-        :param points: where energy was set free [m], world, (K, 3).
-        :param spread: how far around there [m], (K,).
+        :param points: points of energy release [m], world, (K, 3).
+        :param spread: standard deviation around them [m], (K,).
         :param energy: [J], (K,).
-        :returns: number of puffs that rose.
+        :returns: number of emitted puffs.
         """
         if not len(energy):
             return 0
@@ -147,7 +148,7 @@ class DustCloud:
         growing = self.owed + np.cumsum(risen)
         most = max(int(_MOST_BIRTHS * len(self.state)), 1)
         each = max(_PUFF_MASS, growing[-1] / most)
-        # A hair more, lest rounding keep back the last of a full set.
+        # Slightly more, so that rounding does not drop the last puff of a full set.
         reached = np.floor(growing / each * (1.0 + 1e-12)).astype(np.intp)
         counts = np.diff(reached, prepend=0)
         self.owed = max(float(growing[-1] - reached[-1] * each), 0.0)
@@ -159,11 +160,11 @@ class DustCloud:
     def step(self, time_step: float, wind: Callable[[np.ndarray], np.ndarray],
              skyline: Skyline = OPEN) -> None:
         """
-        Let all puffs drift, spread, thin out and settle.
+        Advance the drift, dispersion and settling of all puffs.
 
         :param time_step: [s].
-        :param wind: gives the air velocity [m/s] at points [m], (K, 3) to (K, 3), world.
-        :param skyline: of what stands in their way.
+        :param wind: returns the air velocity [m/s] at points [m], (K, 3) to (K, 3), world.
+        :param skyline: of structures in their way.
         """
         self._time += time_step
         if not self._airborne:
@@ -176,7 +177,7 @@ class DustCloud:
                self.position, self.deviation, self.state)
 
     def lift(self, skyline: Skyline) -> None:
-        """Let the dust drift on that lay on what stands no more."""
+        """Release settled dust whose supporting structure is gone."""
         lying = np.flatnonzero(self.state == State.LYING)
         left = lying[skyline.left_in_the_air(self.position[lying])]
         self.state[left] = State.AIRBORNE
@@ -202,7 +203,7 @@ class DustCloud:
 
 def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
     """
-    Give the speed at which grains settle in still air, Δρ·g·d²/(18·μ) [m/s].
+    Compute the settling speed of grains in still air, Δρ·g·d²/(18·μ) [m/s].
 
     :param diameter: of the grains [m], (K,).
     :param gravity: [m/s²].
@@ -211,13 +212,13 @@ def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
 
 
 def _young_deviation(mass: np.ndarray | float) -> np.ndarray:
-    """Give the deviation of dust that has just risen [m], by its mass [kg], (K,)."""
+    """Compute the standard deviation of emitted dust [m], by its mass [kg], (K,)."""
     return cbrt(np.asarray(mass) / _YOUNG) / math.sqrt(2.0 * math.pi)
 
 
 @kernel
 def _depth(mass, grain, deviation):
-    """Give the optical depth through the middle of puffs of Gaussian profile."""
+    """Compute the optical depth through the middle of puffs of Gaussian profile."""
     return _EXTINCTION / grain * mass / (2.0 * math.pi * deviation ** 2)
 
 
@@ -227,9 +228,9 @@ def _drift(rows, air, noise, dt, skyline, fall, mass, grain, position, deviation
     """
     Move airborne puffs.
 
-    Turbulence does not carry dust through the ground, a roof or a wall: it is thrown back there.
-    Only falling lays it down. Even noise, which is drawn five times faster, adds up to a normal
-    walk in a few steps.
+    Dust carried by turbulence is reflected at the ground, roofs and walls; only settling deposits
+    it. Uniform noise, which is generated five times faster, sums to a normal random walk in a few
+    steps.
     """
     for k in range(len(rows)):
         i = rows[k]

@@ -13,30 +13,30 @@
 # limitations under the License.
 
 """
-Sources of dust: how much rises for the energy that breaking and hitting set free.
+Sources of dust: emission per energy dissipated by fracture and impacts.
 
-Bond's third law (Bond 1952, Trans. AIME 193:484) gives what a mill takes to bring coarse stuff
-below 100 µm, its losses included. Rubble is no mill: most of what it loses goes into friction and
-crushed edges, and most of what is ground stays between the stones.
+Bond's third law (Bond 1952, Trans. AIME 193:484) is the energy of a mill that grinds coarse
+material below 100 µm, its losses included. Rubble is less efficient: most of its energy goes into
+friction and crushed edges, and most of the fines stay between the stones.
 """
 
 import numpy as np
 
 _WORK_INDEX = 13.5 * 3.6e6 / 907.2  # [J/kg] cement clinker, 13.5 kWh per short ton (Bond 1961)
-_AIRBORNE = 0.05  # share of what a mill would grind that rises; our choice, by the look of it
+_AIRBORNE = 0.05  # airborne share of the fines of a mill; our choice, by visual judgement
 DUST_PER_ENERGY = _AIRBORNE / _WORK_INDEX  # [kg/J], of grains of which 80 % pass 100 µm
 
 
 def lost_energy(before: np.ndarray, after: np.ndarray, gained: float) -> np.ndarray:
     """
-    Share out among bodies the energy that vanished when they met [J], (K,).
+    Distribute the energy dissipated by collisions over the bodies that lost energy [J], (K,).
 
-    What one body loses another may gain; only the balance over all has been spent, and every
-    loser gets its share of it.
+    A loss of one body may be a gain of another; only the net loss has been dissipated, and is
+    distributed in proportion to the losses.
 
-    :param before: energy of each body before it met others [J], (K,).
+    :param before: energy of each body before the collisions [J], (K,).
     :param after: the same afterwards [J], (K,).
-    :param gained: what bodies have that did not move before [J].
+    :param gained: energy of bodies that did not move before [J].
     """
     change = before - after
     lost = np.maximum(change, 0.0)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Foliage: leaves that flutter about their petioles, tear off in a gale, and fall."""
+"""Foliage: leaves that flutter about their petioles, tear off in gales, and fall."""
 
 from procphys_ros.physics.foliage.fall import FallingLeaves
 from procphys_ros.physics.foliage.flutter import carried, Flutter

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fall: leaves that came off fly with the wind, tumble down and lie where they land."""
+"""Fall: flight of detached leaves in the wind, tumbling until they land."""
 
 import math
 
@@ -29,19 +29,19 @@ from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 DRAG = 0.5 * AIR_DENSITY * PLATE_DRAG / LEAF_AREAL_DENSITY  # [1/m] deceleration over speed²
 _SPREAD = 0.12  # of the logarithm of the drag: some fall edge-on for longer than others
-_TUMBLING = 0.8  # tip speed over speed through the air (autorotating plates, Smith 1971)
-_REACH = 200.0  # [m] from where it came off, beyond which nobody follows a leaf: it lies down
+_TUMBLING = 0.8  # tip speed over air speed (autorotating plates, Smith 1971)
+_REACH = 200.0  # [m] from its tree, beyond which a leaf lands at once
 _LYING = 0.01  # [m] height of a leaf's axis when it lies on the ground
 
 
 class FallingLeaves:
     """
-    Leaves in the air and on the ground; a leaf falls once, so there are never more than grew.
+    Detached leaves in the air and on the ground; each leaf of the scene falls at most once.
 
     :param gravity: downward acceleration [m/s²].
-    :param seed: of how they tumble.
+    :param seed: of tumbling.
 
-    :ivar leaf: row of each in the leaves of the scene, in the order in which they fell, (K,).
+    :ivar leaf: row of each in the leaves of the scene, in the order of falling, (K,).
     :ivar poses: petioles, world, (K, 7).
     :ivar velocities: [m/s], world, (K, 3).
     :ivar flying: True until they land, (K,) bool.
@@ -55,7 +55,7 @@ class FallingLeaves:
         self.clear()
 
     def clear(self) -> None:
-        """Forget all of them."""
+        """Remove all leaves."""
         self._rng = np.random.default_rng(self._seed)
         self.leaf = np.zeros(0, np.intp)
         self.poses = np.zeros((0, 7))
@@ -71,11 +71,11 @@ class FallingLeaves:
     def let_go(self, leaf: np.ndarray, poses: np.ndarray, velocities: np.ndarray,
                size: np.ndarray) -> None:
         """
-        Take over leaves that came off.
+        Add detached leaves.
 
         :param leaf: their rows, (K,).
         :param poses: petioles, world, (K, 7).
-        :param velocities: of what they hung on [m/s], world, (K, 3).
+        :param velocities: of their branches [m/s], world, (K, 3).
         :param size: lengths [m], (K,).
         """
         count = len(leaf)
@@ -88,20 +88,20 @@ class FallingLeaves:
         self.flying = np.concatenate([self.flying, np.ones(count, bool)])
         self._drag = np.concatenate([self._drag, drag])
         self._start = np.concatenate([self._start, poses[:, :2]])
-        # Turns in radians per metre of way through the air.
+        # Rotation in radians per metre of motion through the air.
         self._spin = np.concatenate(
             [self._spin, _TUMBLING * axis / (0.5 * np.maximum(size, 1e-3))[:, None]])
 
     def step(self, rows: np.ndarray, air: np.ndarray, time_step: float,
              skyline: Skyline = OPEN, threads: int = 1) -> None:
         """
-        Let them fly.
+        Advance the flying leaves.
 
-        :param rows: those in the air, `flatnonzero(flying)`, (F,).
+        :param rows: leaves in the air, `flatnonzero(flying)`, (F,).
         :param air: velocity of the air at these [m/s], world, (F, 3).
         :param time_step: [s].
-        :param skyline: of what stands in their way.
-        :param threads: to work on; results are the same to the bit for any number.
+        :param skyline: of structures in their way.
+        :param threads: number of threads; results do not depend on it, to the last bit.
         """
         ends = np.empty(len(rows), bool)
 
@@ -117,12 +117,12 @@ class FallingLeaves:
             self.poses[landed, 3:] = _laid_flat(self.poses[landed, 3:])
 
     def lift(self, skyline: Skyline) -> None:
-        """Let those fly on that lay on what stands no more."""
+        """Release landed leaves whose supporting structure is gone."""
         self.flying |= skyline.left_in_the_air(self.poses[:, :3])
 
 
 def _laid_flat(attitude: np.ndarray) -> np.ndarray:
-    """Give attitudes (K, 4) with the leaf's axis level and in the heading that it had."""
+    """Return attitudes (K, 4) with the leaf's axis level at its previous heading."""
     axis = rotation.rotate(attitude, np.array([0.0, 0.0, 1.0]))
     yaw = atan2(axis[:, 1], axis[:, 0])
     level = np.array([0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)])  # z onto x
@@ -135,11 +135,11 @@ def _laid_flat(attitude: np.ndarray) -> np.ndarray:
 def _fly(rows, air, dt, gravity, skyline, drag, spin, start, poses,
          velocities):
     """
-    Advance by quadratic drag with the slip of the last step, implicit and so never overshooting.
+    Advance leaves by quadratic drag, implicit with the slip of the last step: no overshoot.
 
-    In still air the speed tends to √(gravity/drag) exactly, whatever the step.
+    In still air the speed tends to √(gravity/drag) exactly, at any time step.
 
-    :returns: which of the leaves have landed, or are too far away, (F,).
+    :returns: whether each leaf has landed, or is too far away, (F,).
     """
     ends = np.zeros(len(rows), np.bool_)
     for k in range(len(rows)):

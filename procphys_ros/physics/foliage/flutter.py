@@ -13,12 +13,12 @@
 # limitations under the License.
 
 """
-Flutter: the fine motion of leaves about their petioles, as a function of place, wind and time.
+Flutter: the motion of leaves about their petioles, as a function of wind and time.
 
-A leaf blade twists and nods at its own frequencies: leaf flutter is torsional galloping of the
-blade on its petiole (Tadrist et al. 2015, J. Fluids and Structures 56:1), and once it has set in
+A leaf blade twists and nods at its natural frequencies: leaf flutter is torsional galloping of the
+blade on its petiole (Tadrist et al. 2015, J. Fluids and Structures 56:1), and beyond its onset
 it hardly grows with the wind (Tadrist et al. 2018, J. R. Soc. Interface 15:20180010). The mean
-drag turns the blade downwind, so that it is streamlined in strong wind (Vogel 1989, J. Exp.
+drag rotates the blade downwind, so that it is streamlined in strong wind (Vogel 1989, J. Exp.
 Botany 40:941).
 """
 
@@ -31,8 +31,8 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
 from procphys_ros.elementary import exp, functions, standard_normal
 
-# Frequency of a blade of one size. With petioles in proportion to blades of one thickness,
-# stiffness goes with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
+# Frequency of a blade of one size. With petioles proportional to blades of one thickness,
+# stiffness scales with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
 # span of 6 cm flutter at a few cycles per second.
 _SIZE, _FREQUENCY = 0.06, 5.0  # [m], [Hz]
 _SPREAD = 0.2  # of the logarithm of the frequency, from leaf to leaf
@@ -41,15 +41,15 @@ _SPREAD = 0.2  # of the logarithm of the frequency, from leaf to leaf
 _NOD_RATIO = math.sqrt(4.3 / 4.0)
 _NOD_SPREAD = 0.2
 _ONSET = 8.0  # speed over frequency and size at which flutter has 63 % of its full amplitude
-_TWIST, _NOD = 0.45, 0.15  # [rad] full amplitudes: our choice, for want of published statistics
-_TURN_SPEED = 10.0  # [m/s] where crowns start to streamline; the drag of the kernel has it, too
-_TURN_MOST = 0.9  # largest drag over restoring moment: below 1, lest a blade facing the wind flip
+_TWIST, _NOD = 0.45, 0.15  # [rad] full amplitudes: our choice, without published statistics
+_TURN_SPEED = 10.0  # [m/s] onset of streamlining of crowns, as in the drag of the tree kernel
+_TURN_MOST = 0.9  # largest drag over restoring moment: below 1, or a blade facing the wind flips
 _MODES = 3  # nodding about x, about y, twisting about z
 
 
 class Flutter:
     """
-    Motion of every leaf about its petiole; it keeps nothing in time and costs only when asked.
+    Motion of every leaf about its petiole, without a state, computed on demand.
 
     :param leaves: at rest.
     :param seed: of frequencies and phases.
@@ -73,15 +73,15 @@ class Flutter:
     def poses(self, carrier: np.ndarray, frames: np.ndarray, air: np.ndarray,
               time: float, threads: int = 1) -> np.ndarray:
         """
-        Give the pose of every leaf in the frame of its part; without wind, the pose at rest.
+        Compute the pose of every leaf in the frame of its part; without wind, the rest pose.
 
-        The petiole stays where it is; the blade turns downwind and flutters about it.
+        The petiole is fixed; the blade rotates downwind and flutters about it.
 
-        :param carrier: row of `frames` and `air` that each leaf rides on, (L,) int.
+        :param carrier: row of `frames` and `air` of each leaf's part, (L,) int.
         :param frames: poses of the parts that carry leaves, world, (C, 7).
         :param air: velocity of the air relative to these parts [m/s], world, (C, 3).
         :param time: [s].
-        :param threads: to work on.
+        :param threads: number of threads.
         :returns: petiole poses, z along the leaf, (L, 7).
         """
         out = np.empty_like(self._rest)
@@ -97,12 +97,12 @@ class Flutter:
 def carried(carrier: np.ndarray, frames: np.ndarray, local: np.ndarray,
             threads: int = 1) -> np.ndarray:
     """
-    Put poses that parts carry into the world.
+    Transform poses from the frames of their parts to the world.
 
-    :param carrier: row of `frames` that each rides on, (L,) int.
+    :param carrier: row of `frames` of each pose's part, (L,) int.
     :param frames: poses of the parts, world, (C, 7).
     :param local: poses in the frames of their parts, (L, 7).
-    :param threads: to work on.
+    :param threads: number of threads.
     :returns: poses, world, (L, 7).
     """
     out = np.empty_like(local)
@@ -153,10 +153,10 @@ def _flutter(carrier, frames, air, time, rest, rate, phase, onset, out):
 @subroutine(inline='always')
 def _downwind(q, flow, speed):
     """
-    Turn from the leaf's axis at rest to where drag and petiole balance.
+    Return the rotation from the leaf's rest axis to the balance of drag and petiole.
 
-    A petiole that holds its axis n with a moment k·sin(angle) and a drag moment C·k·sin(angle)
-    about the flow direction u are in balance along n + C·u, which is all there is to solve.
+    A petiole with a restoring moment k·sin(angle) to its axis n and a drag moment C·k·sin(angle)
+    to the flow direction u are in balance along n + C·u.
     """
     x, y, z, w = q
     nx, ny, nz = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
@@ -171,7 +171,7 @@ def _downwind(q, flow, speed):
 
 @subroutine(inline='always')
 def _into(x, y, z, w, a, b, c):
-    """Turn a vector back by a quaternion: from the world into a part's frame."""
+    """Rotate a vector by the inverse of a quaternion: from the world into a part's frame."""
     tx, ty, tz = 2.0 * (b * z - c * y), 2.0 * (c * x - a * z), 2.0 * (a * y - b * x)
     return (a + w * tx + ty * z - tz * y, b + w * ty + tz * x - tx * z,
             c + w * tz + tx * y - ty * x)
@@ -179,7 +179,7 @@ def _into(x, y, z, w, a, b, c):
 
 @subroutine(inline='always')
 def _times(a, b):
-    """Compose rotations: by b first, then by a."""
+    """Multiply quaternions: rotation by b first, then by a."""
     ax, ay, az, aw = a
     bx, by, bz, bw = b
     return (aw * bx + ax * bw + ay * bz - az * by, aw * by - ax * bz + ay * bw + az * bx,

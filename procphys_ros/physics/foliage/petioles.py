@@ -13,10 +13,10 @@
 # limitations under the License.
 
 """
-Petioles: how strong leaves are held, and the wind that tears each of them off.
+Petioles: strength of leaves, and the wind speed that tears them off.
 
-Drag and strength both go with leaf area (petioles grow in proportion to their blades, Niklas
-1999, New Phytologist 143:19), so the local wind speed alone decides.
+Drag and strength are both proportional to leaf area (petioles grow in proportion to their blades,
+Niklas 1999, New Phytologist 143:19), so failure depends on the local wind speed alone.
 """
 
 import numpy as np
@@ -25,17 +25,17 @@ from procphys_ros.compilation import kernel
 from procphys_ros.elementary import power, weibull
 from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG, SHEDDING_SPEED
 
-_CALM, _STORM = 10.0, 20.0  # [m/s] between these leaves roll up more and more
-_STREAMLINING = -0.85  # exponent of that (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
+_CALM, _STORM = 10.0, 20.0  # [m/s] range of wind speeds in which leaves roll up
+_STREAMLINING = -0.85  # Vogel exponent there (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
 
 # A hurricane of category 3 (50 m/s) strips trees (Simpson 1974, Weatherwise 27).
-_STRIPPED = 50.0 / SHEDDING_SPEED  # where 63 % are gone, over the speed where it starts
+_STRIPPED = 50.0 / SHEDDING_SPEED  # speed that tears off 63 % of leaves, over the least speed
 _WEIBULL_SHAPE = 2.0  # of strengths above the least
 
 
 def drag_pressure(speed: np.ndarray | float) -> np.ndarray:
     """
-    Give the drag of leaves per area [N/m²].
+    Compute the drag of leaves per area [N/m²].
 
     :param speed: of the air past the leaf [m/s], (...).
     """
@@ -60,12 +60,12 @@ def speed_of(pressure: np.ndarray) -> np.ndarray:
 def strengths(area: np.ndarray, shedding_speed: np.ndarray | float,
               rng: np.random.Generator) -> np.ndarray:
     """
-    Draw the force that each petiole bears [N], (L,).
+    Draw the strength of each petiole [N], (L,).
 
-    A Weibull distribution above a least strength: what a weaker wind would take is gone already.
+    A Weibull distribution above a least strength: weaker leaves have already fallen.
 
     :param area: of the leaves [m²], (L,).
-    :param shedding_speed: the least wind that takes each leaf [m/s], (L,) or one for all.
+    :param shedding_speed: least wind that tears off each leaf [m/s], (L,) or one for all.
     :param rng: source of the strengths.
     """
     least = drag_pressure(shedding_speed)
@@ -76,9 +76,9 @@ def strengths(area: np.ndarray, shedding_speed: np.ndarray | float,
 @kernel
 def air_speeds(air, velocities, active, out):
     """
-    Work out how fast the air passes by segments [m/s], 0 for those that are not active.
+    Compute the speed of the air relative to segments [m/s], 0 for inactive ones.
 
-    :param air: its velocity at the segments [m/s], (S, 3).
+    :param air: air velocity at the segments [m/s], (S, 3).
     :param velocities: of the segments, linear first, (S, 6).
     :param active: (S,) bool.
     :param out: (S,), written.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Ranges that a lidar or a depth camera measures."""
+"""Ranges measured by a lidar or a depth camera."""
 
 from procphys_ros.physics.lidar.cast import cast, GROUND, NOTHING
 from procphys_ros.physics.lidar.pattern import Pattern, pinhole, spherical

@@ -14,12 +14,12 @@
 
 
 """
-Rays against boxes and capsules.
+Ray casting against boxes and capsules.
 
-Each part is looked for by the rays that can meet it only: its corners bound the rows and columns
-of the sensor that see it. Parts come from near to far, so that what is hidden costs a comparison.
-For 64 x 512 rays and 15,000 parts that is several times cheaper than to walk each ray through a
-grid of cells: most parts are seen by few rays or by none.
+Each part is tested only by the rays that can hit it: its corners bound the rows and columns
+of the sensor that see it. Parts are sorted by distance, so that hidden parts cost a comparison.
+For 64 x 512 rays and 15,000 parts that is several times faster than walking each ray through a
+grid of cells: most parts are hit by few rays or by none.
 """
 
 import numpy as np
@@ -33,16 +33,16 @@ from procphys_ros.rotation_kernels import matrix_rows
 
 GROUND, NOTHING = -1, -2  # in place of a part
 _CAPSULE = int(Shape.CAPSULE)
-_PARALLEL = 1e-12  # [-] of a ray along a face
+_PARALLEL = 1e-12  # [-] normal component of a ray parallel to a face
 
 
 def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
          poses: np.ndarray, sizes: np.ndarray,
          terrain: Terrain = FLAT) -> tuple[np.ndarray, np.ndarray]:
     """
-    Measure how far it is to the first part, or to the ground, along each ray.
+    Measure the range to the first part, or to the ground, along each ray.
 
-    Parts that the sensor is inside of are not seen.
+    Parts that contain the sensor are ignored.
 
     :param pattern: the rays.
     :param pose: of the sensor, world, (7,).
@@ -51,7 +51,7 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
     :param poses: world, (N, 7).
     :param sizes: as in `Blueprint.size` [m], (N, 3).
     :param terrain: the surface of the ground.
-    :returns: ranges [m], inf = nothing, (V, H), and the row of the part that was hit, `GROUND` or
+    :returns: ranges [m], inf = no hit, (V, H), and the row of the part hit, `GROUND` or
         `NOTHING`, (V, H) int32.
     """
     pose = np.ascontiguousarray(pose, float)
@@ -104,7 +104,7 @@ def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, ranges, hi
         centre = _to_frame(u, v, w, offset)
         a, b, c = matrix_rows(poses[k, 3:])
         half = (0.5 * sizes[k, 0], 0.5 * sizes[k, 1], 0.5 * sizes[k, 2])
-        x = _to_frame(u, v, w, (a[0], b[0], c[0]))  # axes of the part as the sensor sees them
+        x = _to_frame(u, v, w, (a[0], b[0], c[0]))  # axes of the part in the sensor's frame
         y = _to_frame(u, v, w, (a[1], b[1], c[1]))
         z = _to_frame(u, v, w, (a[2], b[2], c[2]))
         middle, right, left, low, high = window(
@@ -141,14 +141,14 @@ def _dot(a, b):
 
 @kernel
 def _to_frame(u, v, w, a):
-    """Turn a vector into a frame whose axes in the world are the columns of rows u, v, w."""
+    """Rotate a world vector into the frame whose axes are the columns of rows u, v, w."""
     return (u[0] * a[0] + v[0] * a[1] + w[0] * a[2], u[1] * a[0] + v[1] * a[1] + w[1] * a[2],
             u[2] * a[0] + v[2] * a[1] + w[2] * a[2])
 
 
 @kernel
 def _to_box(origin, ray, half):
-    """Give how far it is to a box about the origin of its axes, inf = past it (slab method)."""
+    """Return the range to a box about the origin of its axes, inf = a miss (slab method)."""
     enter, leave = -np.inf, np.inf
     for a in range(3):
         if abs(ray[a]) < _PARALLEL:
@@ -162,7 +162,7 @@ def _to_box(origin, ray, half):
 
 @kernel
 def _to_capsule(origin, ray, radius, straight):
-    """Give how far it is to a capsule along z, whose straight half this long is; else as above."""
+    """Return the range to a capsule along z, `straight` being half of its cylinder's length."""
     z = min(max(origin[2], -straight), straight)
     if origin[0] ** 2 + origin[1] ** 2 + (origin[2] - z) ** 2 <= radius ** 2:
         return np.inf  # the sensor is inside

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Patterns of rays: how the rows and columns of a sensor look into space."""
+"""Patterns of rays: directions of the rows and columns of a sensor."""
 
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ class Pattern(NamedTuple):
 
     Row 0 is the uppermost, column 0 the leftmost, as in an image.
 
-    :ivar is_pinhole: whether rows and columns are even in a plane ahead, and not in angles.
+    :ivar is_pinhole: whether rows and columns are uniform in a plane ahead, not in angles.
     :ivar width: of all columns, [rad], or of a plane 1 m ahead [m].
     :ivar height: of all rows, likewise.
     :ivar directions: unit vectors, (V, H, 3).
@@ -44,7 +44,7 @@ class Pattern(NamedTuple):
 
 def spherical(rows: int, columns: int, height: float, width: float) -> Pattern:
     """
-    Give the rays of a lidar, even in elevation and azimuth.
+    Create the rays of a lidar, uniform in elevation and azimuth.
 
     :param height: vertical field of view [rad], at most π.
     :param width: horizontal field of view [rad], at most 2 π.
@@ -59,7 +59,7 @@ def spherical(rows: int, columns: int, height: float, width: float) -> Pattern:
 
 def pinhole(rows: int, columns: int, height: float, width: float) -> Pattern:
     """
-    Give the rays of a depth camera, even in its image.
+    Create the rays of a depth camera, uniform in the image.
 
     :param height: vertical field of view [rad], below π.
     :param width: horizontal field of view [rad], below π.
@@ -75,13 +75,13 @@ def pinhole(rows: int, columns: int, height: float, width: float) -> Pattern:
 @kernel
 def window(is_pinhole, centre, x, y, z):
     """
-    Bound the directions to a box from outside.
+    Compute outer bounds of the directions to a box.
 
     :param is_pinhole: as of `Pattern`.
     :param centre: of the box in the frame of the sensor [m], (3,).
     :param x, y, z: half its edges as vectors in that frame [m], (3,) each.
     :returns: middle, least and greatest column coordinate about it, least and greatest row
-        coordinate; inf where they know no bounds.
+        coordinate; inf where unbounded.
     """
     if is_pinhole:
         ax, ay = 1.0, 0.0

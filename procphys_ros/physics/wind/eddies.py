@@ -18,21 +18,21 @@ Boxes of frozen turbulence, periodic in all directions.
 
 For each wave number along the wind the coherence across the wind is a covariance on a torus, which
 the Fourier transform diagonalises: white noise times the roots of its eigenvalues has exactly the
-one-point spectrum and the coherence wanted (Shinozuka & Deodatis 1991; the eigenvalues replace the
-Cholesky factors of Veers 1988). One inverse transform gives the box.
+desired one-point spectrum and coherence (Shinozuka & Deodatis 1991; the eigenvalues replace the
+Cholesky factors of Veers 1988). One inverse transform yields the box.
 
 Coherence falls off within a twelfth of a wavelength, so short waves need a fine grid and long ones
 a large one: three boxes share the spectrum. Each is interpolated with its own compensation of the
-variance that interpolation loses, which is exact for every position within a cell.
+variance lost by interpolation, which is exact for every position within a cell.
 
-The boxes move past the scene on a slant that returns none of them to where it was before: see
+The boxes move past the scene on a slant that returns none of them to an earlier position: see
 `DRIFT`.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-import scipy  # its parts are imported by their first use
+import scipy  # subpackages are imported on first use
 
 from procphys_ros.elementary import cos, exp, hypot, power, sin, standard_normal
 from procphys_ros.linear import product
@@ -41,18 +41,18 @@ from procphys_ros.physics.wind.spectra import Spectrum
 _SHORT = 16.5 / 512.0  # [cycles/m] waves shorter than 31 m go to the small box
 _LONG = 2.5 / 2048.0  # [cycles/m] waves longer than 819 m go to the longest box
 
-# Way of all boxes across the wind and up per way along it. A box that has passed comes back beside
-# where it was, so that these slants decide how soon it is back at much the same place.
-# Of 4000 pairs of slants below 0.02 and 0.011 drawn at random, these keep the boxes furthest from
-# all of their earlier places: the box of 2048 m by 5.4 m in 864 km (24 h at 10 m/s), 2.3 m in
-# 2592 km and 1.1 m in 12960 km (24 h at the fastest wind allowed).
+# Displacement of all boxes across the wind and upwards per displacement along it. A box that has
+# passed returns beside its earlier position, so these slants determine how soon it is back at
+# almost the same position. Of 4000 random pairs of slants below 0.02 and 0.011, these keep the
+# boxes furthest from all of their earlier positions: the box of 2048 m by 5.4 m in 864 km (24 h at
+# 10 m/s), 2.3 m in 2592 km and 1.1 m in 12960 km (24 h at the fastest wind allowed).
 DRIFT = (0.009951444823, 0.003443965631)
 
 
 @dataclass(frozen=True)
 class Eddies:
     """
-    A box of turbulence, all standard deviations of the whole spectrum being their IEC ratios.
+    A box of turbulence, scaled so that standard deviations of the whole spectrum are IEC ratios.
 
     :ivar field: air velocities (nx, ny, nz, 3) float32, each n a power of two.
     :ivar spacing: of the nodes [m], (3,).
@@ -72,7 +72,7 @@ class Eddies:
 
 def make_boxes(spectrum: Spectrum, rng: np.random.Generator) -> tuple[Eddies, Eddies, Eddies]:
     """
-    Draw all waves: those from 31 m to 819 m long, the shorter and the longer ones.
+    Generate the boxes of waves: those from 31 m to 819 m long, the shorter and the longer ones.
 
     The boxes measure 2048 x 256 x 64 m, 512 x 64 x 32 m and 65536 x 256 x 64 m.
     """
@@ -92,7 +92,7 @@ def _draw(spectrum: Spectrum, shape: tuple[int, int, int], spacing: tuple[float,
         rates = spectrum.decay(component, wave_numbers[used])
         variances[used] = _emphasise(variances[used], rates, wave_numbers[used], spacing)
         shares = _cross_wind_shares(rates, shape[1:], spacing[1:])
-        # In double precision with any numpy: before numpy 2 a single number left it to the array.
+        # Double precision with any numpy: before numpy 2 the array determined the type.
         field[..., component] = np.multiply(
             spectrum.ratios[component], _transform(variances[used], shares, used, shape, rng),
             dtype=np.float64)
@@ -103,16 +103,16 @@ def _draw(spectrum: Spectrum, shape: tuple[int, int, int], spacing: tuple[float,
 def _bin_variances(spectrum: Spectrum, component: int, wave_numbers: np.ndarray,
                    band: tuple[float, float]) -> np.ndarray:
     """
-    Share the variance within a band among the wave numbers of a grid.
+    Distribute the variance within a band over the wave numbers of a grid.
 
-    Waves too short for the grid give their variance to all waves alike, so that none is lost.
+    The variance of waves too short for the grid is distributed over all waves, so none is lost.
     """
     def below(wave_number):
         return spectrum.variance_below(component, np.clip(wave_number, *band))
 
     half = 0.5 * wave_numbers[1]
     variances = below(wave_numbers + half) - below(wave_numbers - half)
-    variances[1] += variances[0]  # the mean over the box is the mean wind's affair
+    variances[1] += variances[0]  # the mean over the box belongs to the mean wind
     variances[0] = 0.0
     whole = below(1e9) - below(0.0)
     return variances * (whole / variances.sum())
@@ -121,10 +121,10 @@ def _bin_variances(spectrum: Spectrum, component: int, wave_numbers: np.ndarray,
 def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarray,
                spacing: tuple[float, float, float]) -> np.ndarray:
     """
-    Raise the waves that tri-linear interpolation damps most; the sum stays.
+    Amplify the waves that tri-linear interpolation attenuates most; the sum is unchanged.
 
-    Averaged over a cell, a wave along the wind keeps sinc^4 of its power, and across the wind two
-    nodes of a pair count 1/3 each alone and 1/3 together.
+    Averaged over a cell, a wave along the wind keeps sinc^4 of its power, and across the wind the
+    two nodes of a pair contribute 1/3 each and their covariance 1/3.
     """
     angle = np.pi * np.maximum(wave_numbers * spacing[0], 1e-9)
     kept = power(sin(angle) / angle, 4.0)
@@ -137,7 +137,7 @@ def _emphasise(variances: np.ndarray, rates: np.ndarray, wave_numbers: np.ndarra
 
 def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
                        spacing: tuple[float, ...]) -> np.ndarray:
-    """Split each wave along the wind among waves across it, (rates, ny, nz), sums 1."""
+    """Distribute each wave along the wind over waves across it, (rates, ny, nz), sums 1."""
     y, z = (step * np.minimum(np.arange(n), n - np.arange(n))
             for n, step in zip(counts, spacing))
     distance = hypot(y[:, None], z[None, :])
@@ -148,14 +148,14 @@ def _cross_wind_shares(rates: np.ndarray, counts: tuple[int, ...],
 
 def _transform(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
                shape: tuple[int, int, int], rng: np.random.Generator) -> np.ndarray:
-    """Turn noise of the given variances into a real field (nx, ny, nz)."""
+    """Generate a real field (nx, ny, nz) from noise of the given variances."""
     noise = standard_normal(rng, shares.shape + (2,)).astype(np.float32)
     amplitude = np.sqrt(0.25 * variances.astype(np.float32)[:, None, None] * shares)
     waves = np.zeros((shape[0] // 2 + 1,) + shape[1:], np.complex64)
     noise *= amplitude[..., None]  # products of complex numbers differ between processors
     waves[used] = noise.view(np.complex64)[..., 0]
     if used[-1] == shape[0] // 2:
-        # A real field keeps the real part of its Nyquist wave, and that only once.
+        # A real field keeps only the real part of its Nyquist wave, and counts it once.
         waves[-1] *= 2.0
     plane = scipy.fft.ifft2(waves, norm='forward')
     return scipy.fft.irfft(plane, shape[0], axis=0, norm='forward')

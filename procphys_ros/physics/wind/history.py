@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Mean wind over time: constant, changed at once, changed gradually, or as it was recorded."""
+"""Mean wind over time: constant, step changes, ramps, or a record."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
@@ -23,14 +23,14 @@ from typing import NamedTuple
 from procphys_ros.elementary import atan2, cos, hypot, sin
 
 Vector = tuple[float, ...]
-_PAST = 16  # stretches that are kept: a robot may set the wind a hundred times a second, for days
+_PAST = 16  # stretches kept: a robot may set the wind a hundred times a second, for days
 
 
 class _Stretch(NamedTuple):
     """
-    From `start` on the wind goes from `velocity` to `target` within `duration`, and stays so.
+    Ramp of the wind at `start` from `velocity` to `target` within `duration`, constant afterwards.
 
-    `travelled` is the way of the eddies at its start.
+    `travelled` is the displacement of the eddies at its start.
     """
 
     start: float
@@ -42,12 +42,12 @@ class _Stretch(NamedTuple):
 
 class History:
     """
-    The mean wind as a function of time, and how far it has carried the eddies.
+    The mean wind as a function of time, and the displacement of the eddies.
 
-    While it changes, its speed goes evenly from one to the other, and so does its direction, on
-    the shorter way round.
+    During a change, speed and direction are interpolated linearly, the direction by the smaller
+    angle.
 
-    :param velocity: that blows before anything else is said [m/s], (3,).
+    :param velocity: initial mean wind [m/s], (3,).
     """
 
     _stretches: list[_Stretch]
@@ -58,10 +58,10 @@ class History:
 
     def steer(self, velocity: Vector, time: float, duration: float = 0.0) -> None:
         """
-        Change the mean wind; what was said for later times is forgotten, and so is the far past.
+        Change the mean wind; discard later changes and the distant past.
 
-        :param velocity: to blow in the end [m/s], (3,).
-        :param time: when the change begins, now [s].
+        :param velocity: mean wind after the change [m/s], (3,).
+        :param time: start of the change, the present time [s].
         :param duration: of the change [s]; 0 = at once.
         """
         self._change(velocity, time, duration)
@@ -69,7 +69,7 @@ class History:
 
     def follow(self, times: Sequence[float], velocities: Sequence[Vector]) -> None:
         """
-        Blow as recorded: as at the first time before it, as at the last one after it.
+        Follow a record; the first value holds before it, and the last one after it.
 
         :param times: ascending [s], (T,).
         :param velocities: [m/s], (T, 3).
@@ -79,7 +79,7 @@ class History:
             self._change(target, start, end - start)
 
     def velocity(self, time: float) -> Vector:
-        """Give the mean wind at the reference height [m/s], (3,)."""
+        """Return the mean wind at the reference height [m/s], (3,)."""
         stretch = self._at(time)
         if time >= stretch.start + stretch.duration:
             return stretch.target
@@ -87,7 +87,7 @@ class History:
         return _between(stretch.velocity, stretch.target, share)
 
     def travelled(self, time: float) -> float:
-        """Give how far the eddies have come [m]."""
+        """Compute the displacement of the eddies along the wind [m]."""
         stretch = self._at(time)
         first, last = hypot(*stretch.velocity), hypot(*stretch.target)
         since = time - stretch.start
@@ -98,7 +98,7 @@ class History:
         return stretch.travelled + mean * changing + last * (since - changing)
 
     def _change(self, velocity: Vector, time: float, duration: float) -> None:
-        """Change the mean wind from a time on, and forget what was said for later times."""
+        """Change the mean wind at a time, and discard later changes."""
         now, travelled = self.velocity(time), self.travelled(time)
         del self._stretches[bisect_left(self._stretches, time, key=_start):]
         first = velocity if duration == 0.0 else now
@@ -107,7 +107,7 @@ class History:
         self._stretches.append(_Stretch(time, first, travelled, velocity, duration))
 
     def _lasting(self, velocity: Vector, time: float) -> bool:
-        """Return whether a wind blows already, and would go on to."""
+        """Return whether the wind already has a velocity permanently."""
         last = self._stretches[-1]
         return last.target == velocity and time >= last.start + last.duration
 
@@ -120,7 +120,7 @@ def _start(stretch: _Stretch) -> float:
 
 
 def _between(first: Vector, last: Vector, share: float) -> Vector:
-    """Go a share of the way between two winds; air that stands still takes the other's way."""
+    """Interpolate between two winds; still air takes the direction of the other one."""
     slow, fast = hypot(*first), hypot(*last)
     speed = slow + share * (fast - slow)
     here, there = first if slow > 0.0 else last, last if fast > 0.0 else first

@@ -23,24 +23,24 @@ from procphys_ros.elementary import functions, log
 LOG, POWER, UNIFORM = 0, 1, 2  # profile codes
 GUST_COLUMNS = 12  # velocity (3), travel direction (3), speed, start, upwind, duration, rise, kind
 _SLOWED = 2.0  # [m] height below which the ground slows gusts and eddies
-# Points that are worked on together, so that the arithmetic vectorises. The last block is filled
-# up: a remainder would be worked out one by one, with roots that differ in their last digits, and
-# the wind at a place would depend on how many places are asked for.
+# Points per block, so that the arithmetic vectorises. The last block is padded: a remainder would
+# be computed by scalar code, with roots that differ in their last digits, and the wind at a point
+# would depend on the number of points.
 _BLOCK = 128
-_U = np.uint64  # unsigned indices spare the test for negative ones
-# Eddies are kept and interpolated in single precision, twice as many at once.
+_U = np.uint64  # unsigned indices avoid the test for negative ones
+# Eddies are stored and interpolated in single precision, twice as many at once.
 _NOTHING, _ONE, _TWO = np.float32(0.0), np.float32(1.0), np.float32(2.0)
 
 
 def profile_terms(name: str, reference: float, roughness: float, exponent: float) -> tuple:
     """
-    Prepare what `profile_factor` needs.
+    Compute the parameters of `profile_factor`.
 
     :param name: 'log', 'power' or 'uniform'.
     :param reference: height at which the factor is 1 [m].
     :param roughness: roughness length of the log profile [m].
     :param exponent: of the power profile.
-    :returns: code, length by which heights are divided [m], scale or exponent.
+    :returns: code, reference length of heights [m], scale or exponent.
     """
     if name == 'log':
         return LOG, roughness, 1.0 / log(reference / roughness)
@@ -60,7 +60,7 @@ def profile_factor(height: float, code: int, length: float, number: float) -> fl
 
 @subroutine(error_model='numpy')
 def _slowed(height: float, profile: tuple) -> float:
-    """Return the share of gusts and eddies that the ground leaves at a height."""
+    """Return the attenuation factor of gusts and eddies near the ground at a height."""
     if height >= _SLOWED:
         return 1.0
     full = profile_factor(_SLOWED, profile[0], profile[1], profile[2])
@@ -71,7 +71,7 @@ def _slowed(height: float, profile: tuple) -> float:
 
 @subroutine(error_model='numpy')
 def _turn(points, first, axes, turned):
-    """Write where the points of a block are along, across and up from the wind [m], (3, B)."""
+    """Write the points of a block in wind axes: along, across and up [m], (3, B)."""
     ax, ay, az = axes[0]
     bx, by, bz = axes[1]
     cx, cy, cz = axes[2]
@@ -85,7 +85,7 @@ def _turn(points, first, axes, turned):
 
 @subroutine(error_model='numpy')
 def _locate(turned, travelled, density, cells, fractions):
-    """Write the cell, and the place within it, of each point of a block."""
+    """Write the cell, and the fractions within it, of each point of a block."""
     for k in range(3):
         scale, start = density[k], density[k] * travelled[k]
         for i in range(_BLOCK):
@@ -97,11 +97,11 @@ def _locate(turned, travelled, density, cells, fractions):
 @subroutine(error_model='numpy')
 def _find_scales(fractions, lags, sigma, scales):
     """
-    Write by how much to multiply the interpolated velocities of a block, (3, B).
+    Write the scale factors of the interpolated velocities of a block, (3, B).
 
     The variance of a tri-linear mean of correlated nodes is itself tri-linear in the lag
-    covariances, with 2 f (1 - f) in the place of the fraction f: dividing by its root restores
-    the variance at every place within a cell.
+    covariances, with 2 f (1 - f) in place of the fraction f: dividing by its root restores
+    the variance at every position within a cell.
     """
     for c in range(3):
         l0, l1, l2, l3 = lags[c, 0], lags[c, 1], lags[c, 2], lags[c, 3]
@@ -181,12 +181,12 @@ def add_eddies(points: np.ndarray, out: np.ndarray, axes: tuple, travelled: tupl
     """
     Add the velocity of all boxes of eddies at every point, block by block.
 
-    Their strength does not depend on the height but near the ground, which slows them like gusts.
+    Their strength does not depend on the height except near the ground, which slows them too.
 
     :param axes: unit vectors along the mean wind, across it and up from it, world.
-    :param travelled: how far each box has moved along these [m], one triple per box.
+    :param travelled: displacement of each box along these [m], one triple per box.
     :param sigma: standard deviation along the wind [m/s].
-    :param boxes: of each its flat field, log2 of its shape, lags (3, 8), nodes per metre (3).
+    :param boxes: flat field, log2 of its shape, lags (3, 8) and nodes per metre (3) of each.
     :param profile: from `profile_terms`.
     """
     turned, cells = np.empty((3, _BLOCK)), np.empty((3, _BLOCK), np.int32)
@@ -215,8 +215,8 @@ def add_gusts(points: np.ndarray, out: np.ndarray, gusts: np.ndarray, time: floa
     """
     Add the velocity of gusts, rows of GUST_COLUMNS numbers, at every point.
 
-    They have the same strength at all heights but near the ground, which slows them as it does
-    the mean wind: what lies on it must not be blown away by air that cannot be there.
+    They have the same strength at all heights except near the ground, which slows them like the
+    mean wind: bodies lying on it must not be blown away by unrealistic air speeds.
 
     :param profile: from `profile_terms`.
     """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Wind settings and discrete gusts, checked when they are made."""
+"""Wind settings and discrete gusts, validated on construction."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,10 +44,10 @@ class WindSettings:
     :ivar profile: growth of the mean with height: 'log', 'power' or 'uniform'.
     :ivar roughness_length: of the log profile [m]; grass 0.03, forest about 1.
     :ivar exponent: of the power profile; IEC 61400-1 has 0.2, over smooth ground 0.14.
-    :ivar reference_height: where `velocity` holds [m]; it also sets the size of the eddies.
+    :ivar reference_height: height of `velocity` [m]; it also determines the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
-    :ivar shelter: whether stands of trees and buildings shelter what is in their lee.
-    :ivar file: record of the mean wind to follow in the place of `velocity`; '' = none.
+    :ivar shelter: whether trees and buildings reduce the wind in their lee.
+    :ivar file: record of the mean wind to follow in place of `velocity`; '' = none.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -85,8 +85,8 @@ class MeanWind:
     """
     Describe a change of the mean wind.
 
-    :ivar velocity: to blow in the end, at the reference height [m/s], (3,), world.
-    :ivar ramp: how long the change takes [s]; 0 = at once.
+    :ivar velocity: after the change, at the reference height [m/s], (3,), world.
+    :ivar ramp: duration of the change [s]; 0 = at once.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -107,12 +107,12 @@ class Gust:
     :ivar amplitude: peak of a cosine gust, V_gust of an EOG (whose peak is 0.74 of it, and
         whose dips are 0.24 of it) [m/s]; negative = a lull.
     :ivar duration: from first change to last [s]; an EOG of IEC 61400-1 has 10.5.
-    :ivar rise: time that a cosine gust takes to rise, and to fall [s]; None = half the duration.
-    :ivar direction: the gust blows and travels this way, (3,), world; None = the mean wind's.
+    :ivar rise: rise time, and fall time, of a cosine gust [s]; None = half the duration.
+    :ivar direction: of the gust's velocity and travel, (3,), world; None = the mean wind's.
     :ivar kind: 'cosine' (rise, hold, fall; a front that is faster than the mean wind) or 'eog'
         (extreme operating gust: dip, peak, dip; the mean wind carries it).
-    :ivar upwind: distance of the front from the scene origin when the gust starts [m]; what
-        stands still further upwind feels the gust at once.
+    :ivar upwind: distance of the front from the scene origin when the gust starts [m]; points
+        further upwind are hit by the gust at once.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -148,10 +148,10 @@ class Gust:
 
 def velocity_of(speed: float, direction: float) -> tuple[float, float, float]:
     """
-    Turn a wind as weather stations report it into a velocity [m/s], (3,), world (x is east).
+    Convert a wind as reported by weather stations to a velocity [m/s], (3,), world (x is east).
 
     :param speed: [m/s].
-    :param direction: from where it blows, clockwise from north [degrees].
+    :param direction: that the wind comes from, clockwise from north [degrees].
     """
     bearing = math.radians(direction)
     return -speed * sin(bearing), -speed * cos(bearing), 0.0
@@ -164,5 +164,5 @@ def _check_speed(velocity: Sequence[float]) -> None:
 
 
 def _store(target: object, name: str, value: object) -> None:
-    """Replace a field of a frozen dataclass by its checked value while it is being made."""
+    """Replace a field of a frozen dataclass by its validated value during construction."""
     object.__setattr__(target, name, value)

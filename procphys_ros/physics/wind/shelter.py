@@ -13,21 +13,21 @@
 # limitations under the License.
 
 """
-Shelter: how much of the wind stands of trees and buildings leave in their lee.
+Shelter: reduction of the wind in the lee of stands of trees and of buildings.
 
 Inside a stand the mean wind decays exponentially downwards from its top, u(z) = u(h)·exp(-a·(1 -
 z/h)) (Cionco 1965, J. Appl. Meteorology 4:517), with a = 0.28·LAI^(2/3)·h^(1/3)·s^(-1/3) for
 leaves of size s (Goudriaan 1977, Crop Micrometeorology; Norman et al. 1995, Agric. For.
 Meteorology 77:263). The leaf area index is that of the trees upwind, within three tree heights,
 over which the wind adjusts to a canopy (Belcher et al. 2003, J. Fluid Mech. 488:369): those at
-the windward edge stand in the full wind. A crown does not shelter itself, as the drag coefficient
-of foliage is that of whole crowns.
+the windward edge are exposed to the full wind. A crown does not shelter itself, as the drag
+coefficient of foliage is that of whole crowns.
 
 Behind a building of height H the deficit at the distance x is Δu/u(H) = 9.75·(H/x)·η·exp(-0.67·
 η^1.5) with η = (z/H)·(K·x/H)^-0.47 and K = 0.32/ln(H/z₀) (Perera 1981, J. Wind Eng. Ind.
-Aerodynamics 8:93, after Counihan, Hunt and Jackson 1974, J. Fluid Mech. 64:529; coefficients at
-second hand, from the obstacle model of the European Wind Atlas). It holds from five heights on:
-nearer it is that of five heights.
+Aerodynamics 8:93, after Counihan, Hunt and Jackson 1974, J. Fluid Mech. 64:529; coefficients
+quoted from the obstacle model of the European Wind Atlas). It holds beyond five heights; the
+value at five heights is used at smaller distances.
 """
 
 from dataclasses import dataclass, field
@@ -40,16 +40,16 @@ from procphys_ros.elementary import functions, hypot
 from procphys_ros.physics.wind.kernel import profile_factor
 
 LEAF_SIZE = 0.1    # [m] s, of most broad leaves and of tufts of needles
-_FETCH = 3.0       # heights of a tree over which it shelters what is downwind
-_NEAREST = 5.0     # heights of a building from which on its wake is that of the far field
-_SPREAD = 0.1      # standard deviation by which wakes blur sideways, over the distance (estimate)
-_LEAST = 0.2       # share of the wind that is left in the calmest lee (estimate)
+_FETCH = 3.0       # heights of a tree: length of its shelter downwind
+_NEAREST = 5.0     # heights of a building: least distance of the far wake
+_SPREAD = 0.1      # lateral standard deviation of wakes over the distance (estimate)
+_LEAST = 0.2       # least share of the wind in any lee (estimate)
 
 
 @dataclass(frozen=True)
 class Shelter:
     """
-    What shelters, as it was built.
+    Sheltering trees and buildings, as built.
 
     :ivar trees: x, y, top, radius of the crown [m] and leaf area [m²] of each, (T, 5).
     :ivar buildings: least x and y, greatest x and y, top of each [m], (B, 5).
@@ -61,13 +61,13 @@ class Shelter:
     def apply(self, points: np.ndarray, out: np.ndarray, direction: np.ndarray, profile: tuple,
               roughness: float) -> None:
         """
-        Leave as much of the wind as trees and buildings upwind do; the strongest shelter counts.
+        Reduce air velocities by the strongest shelter of trees and buildings upwind.
 
-        Eddies and gusts are weakened like the mean wind.
+        Eddies and gusts are reduced like the mean wind.
 
         :param points: (N, 3) [m], world.
-        :param out: velocities of the air there, changed, (N, 3) [m/s].
-        :param direction: that the mean wind blows to, (3,); without a level part none shelters.
+        :param out: velocities of the air there, changed in place, (N, 3) [m/s].
+        :param direction: of the mean wind, (3,); no shelter without a horizontal component.
         :param profile: from `kernel.profile_terms`.
         :param roughness: roughness length of the ground [m].
         """
@@ -91,14 +91,14 @@ def _shelter(points, out, ex, ey, trees, buildings, profile, roughness):
 
 @subroutine
 def _in_canopy(point, ex, ey, trees, profile, here):
-    """Give the share of the wind that the trees upwind of a point leave."""
+    """Compute the share of the wind that remains in the lee of trees upwind of a point."""
     index, heights = 0.0, 0.0
     for t in range(len(trees)):
         dx, dy, reach = point[0] - trees[t, 0], point[1] - trees[t, 1], _FETCH * trees[t, 2]
         along, square = dx * ex + dy * ey, dx * dx + dy * dy
         if along <= 0.0 or square >= reach * reach or square <= trees[t, 3] ** 2:
             continue
-        # Sums to the leaf area index of an even stand: the weight over the half plane is 1.
+        # Sums to the leaf area index of a uniform stand: the weight over the half plane is 1.
         away = math.sqrt(square)
         share = trees[t, 4] * 3.0 / reach ** 2 * (along / away) * (1.0 - away / reach)
         index += share
@@ -116,7 +116,7 @@ def _in_canopy(point, ex, ey, trees, profile, here):
 
 @subroutine
 def _in_wakes(point, ex, ey, buildings, profile, roughness, here):
-    """Give the share of the wind that the strongest wake leaves at a point."""
+    """Compute the share of the wind that remains in the strongest wake at a point."""
     left = 1.0
     for b in range(len(buildings)):
         lee, low, high = -np.inf, np.inf, -np.inf
@@ -140,7 +140,7 @@ def _in_wakes(point, ex, ey, buildings, profile, roughness, here):
 @subroutine
 def wake_deficit(distance: float, height: float, size: float) -> float:
     """
-    Give the deficit behind a long solid obstacle over the free wind at its top.
+    Compute the velocity deficit behind a long solid obstacle over the free wind at its top.
 
     :param distance: downwind, in heights of the obstacle.
     :param height: above the ground, likewise.

@@ -16,7 +16,7 @@
 """
 One-point spectra of wind turbulence, by wave number instead of frequency.
 
-Turbulence that is carried along unchanged (Taylor) turns frequency f into wave number f/U in
+For frozen turbulence (Taylor) frequency f corresponds to wave number f/U in
 cycles per metre, and the speed drops out: the same eddies serve every wind.
 """
 
@@ -64,18 +64,18 @@ class Spectrum:
         """
         Return the decay rate [1/m] of the coherence exp(-rate · distance) across the wind.
 
-        IEC 61400-1 ed. 3 gives it for component 0 only; the others take the same form with their
-        own length, for air that moves sideways is coherent too.
+        IEC 61400-1 ed. 3 defines it for component 0 only; the others use the same form with their
+        own length, as lateral velocities are coherent too.
         """
         return _DECAY * hypot(wave_number, _FLOOR / self.lengths[component])
 
 
 def make(name: str, height: float) -> Spectrum:
     """
-    Set up a spectrum of IEC 61400-1 ed. 3, annex B.
+    Create a spectrum of IEC 61400-1 ed. 3, annex B.
 
     :param name: 'kaimal' or 'von_karman'.
-    :param height: above ground [m], from which the size of the eddies follows.
+    :param height: above ground [m], which determines the size of the eddies.
     """
     scale = min(_SCALE_PER_HEIGHT * height, _LARGEST_SCALE)
     if name == 'kaimal':
@@ -91,10 +91,10 @@ def _kaimal(x: np.ndarray) -> np.ndarray:
 
 
 def _von_karman_along(x: np.ndarray) -> np.ndarray:
-    """Evaluate the von Kármán shape along the wind, as TurbSim has it."""
+    """Evaluate the von Kármán shape along the wind, as in TurbSim."""
     return 4.0 * power(1.0 + 71.0 * (x * x), -5.0 / 6.0)
 
 
 def _von_karman_across(x: np.ndarray) -> np.ndarray:
-    """Evaluate the von Kármán shape across the wind and up, as TurbSim has it."""
+    """Evaluate the von Kármán shape across the wind and up, as in TurbSim."""
     return 2.0 * (1.0 + 189.0 * (x * x)) * power(1.0 + 71.0 * (x * x), -11.0 / 6.0)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The wind over a scene: mean, turbulence and gusts as one function of place and time."""
+"""The wind over a scene: mean, turbulence and gusts as a function of position and time."""
 
 from collections.abc import Sequence
 from functools import lru_cache
@@ -38,9 +38,9 @@ from procphys_ros.physics.wind.settings import (
 )
 from procphys_ros.physics.wind.shelter import Shelter
 
-_SLANT = np.array([1.0, *DRIFT])  # of the way of the eddies, along, across and up
-_GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is forgotten
-_SLOWEST = 0.1  # [m/s] of a gust, so that it comes some day
+_SLANT = np.array([1.0, *DRIFT])  # direction of travel of the eddies: along, across and up
+_GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is dropped
+_SLOWEST = 0.1  # [m/s] least speed of a gust's front
 
 
 class Reference(NamedTuple):
@@ -48,8 +48,8 @@ class Reference(NamedTuple):
     Wind at the reference height above the scene origin, each (3,) [m/s], world.
 
     :ivar mean: the mean wind.
-    :ivar turbulence: what the eddies add.
-    :ivar gust: what discrete gusts add.
+    :ivar turbulence: contribution of the eddies.
+    :ivar gust: contribution of discrete gusts.
     """
 
     mean: np.ndarray
@@ -59,10 +59,10 @@ class Reference(NamedTuple):
 
 class _Boxes(NamedTuple):
     """
-    Boxes of eddies as the kernel takes them.
+    Boxes of eddies as arguments of the kernel.
 
     :ivar boxes: a tuple per box.
-    :ivar periods: lengths after which they repeat themselves [m], (boxes, 3).
+    :ivar periods: lengths of the boxes, which are periodic [m], (boxes, 3).
     """
 
     boxes: tuple
@@ -71,22 +71,22 @@ class _Boxes(NamedTuple):
 
 class Wind:
     """
-    Air velocity anywhere, at any time.
+    Air velocity as a function of position and time.
 
-    Frozen eddies (Taylor's hypothesis) are carried through the scene with the mean wind at the
+    Frozen eddies (Taylor's hypothesis) are advected through the scene by the mean wind at the
     reference height; standard deviations are the same at all heights (IEC 61400-1, normal
-    turbulence model). The answer depends on place, time and the commands given, never on the
-    calls made before: going back in time gives the same wind again.
+    turbulence model). The velocity depends on position, time and commands only, not on earlier
+    calls: going back in time reproduces the same wind.
 
-    The turbulence turns with the mean wind about the scene's origin, and grows with it.
+    The turbulence rotates with the mean wind about the scene's origin, and is proportional to it.
 
-    :param settings: what blows.
+    :param settings: mean wind and turbulence.
     :param seed: of the eddies.
-    :param record: of the mean wind, in the place of the settings' velocity; () = there is none.
+    :param record: of the mean wind, in place of the settings' velocity; () = none.
     :param terrain: the surface of the ground, which the wind follows.
 
-    :ivar settings: what the wind was set up with, or last changed to.
-    :ivar shelter: what stands in its way, where the settings ask for it.
+    :ivar settings: the present settings.
+    :ivar shelter: trees and buildings that reduce the wind, where the settings enable it.
     :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
     """
 
@@ -105,7 +105,7 @@ class Wind:
         self.reset()
 
     def reset(self) -> None:
-        """Forget every command: the mean wind of the settings or the record, no gusts."""
+        """Discard all commands: use the mean wind of the settings or the record, without gusts."""
         self.enabled = True
         self._history = History(self.settings.velocity)
         if self._record:
@@ -115,46 +115,46 @@ class Wind:
 
     def change(self, settings: WindSettings) -> None:
         """
-        Go over to other settings; only another spectrum or reference height takes new eddies.
+        Change the settings; only another spectrum or reference height requires new eddies.
 
-        :param settings: the new ones; their velocity is what `reset` goes back to.
+        :param settings: the new ones; `reset` returns to their velocity.
         """
         self.settings = settings
 
     def prepare(self) -> None:
-        """Draw the eddies now, if there are to be any, and not when they are first felt."""
+        """Generate the eddies now, if turbulence is enabled, instead of on first use."""
         if self.settings.turbulence_intensity > 0.0:
             self._eddies()
 
     def set_velocity(self, velocity: Sequence[float], time: float, ramp: float = 0.0) -> None:
         """
-        Change the mean wind; the eddies keep their place and travel on from there.
+        Change the mean wind; the eddies keep their positions and travel on from there.
 
         :param velocity: (3,) at the reference height [m/s], world, the direction it blows to.
-        :param time: now [s]; commands given for later times, and a record, are forgotten.
-        :param ramp: how long the change takes [s]; 0 = at once.
+        :param time: present time [s]; commands for later times, and a record, are discarded.
+        :param ramp: duration of the change [s]; 0 = at once.
         :raises SceneError: when a value is not finite or out of range.
         """
         asked = MeanWind(velocity, ramp)
         self._history.steer(tuple(asked.velocity), time, asked.ramp)
 
     def mean_velocity(self, time: float) -> tuple[float, ...]:
-        """Give the mean wind at the reference height, whether it is switched on or not [m/s]."""
+        """Return the mean wind at the reference height, enabled or not [m/s]."""
         return self._history.velocity(time)
 
     def start_gust(self, gust: Gust, time: float) -> None:
         """
-        Let a gust go: its front starts upwind of the scene and travels through it.
+        Start a gust: its front begins upwind of the scene and travels through it.
 
-        A cosine gust is faster air that runs into slower. Its front moves with the wind behind
-        it. Thunderstorms' fronts keep to two thirds of that (peak gust over speed of the front:
-        1.44 in the median, Sherburn et al. 2021, Weather and Forecasting 36:1387), for the rest
-        of their air rises at the front; here the wind blows level, and what it carries would
-        gather. An EOG is an eddy that the mean wind carries (IEC 61400-1), and so is a lull; in
-        still air they travel at their amplitude.
+        A cosine gust is faster air that runs into slower air. Its front moves at the speed of the
+        wind behind it. Thunderstorm fronts have two thirds of that (peak gust over speed of the
+        front: 1.44 in the median, Sherburn et al. 2021, Weather and Forecasting 36:1387), as the
+        rest of their air rises at the front; here the wind is horizontal, and leaves and dust
+        would accumulate. An EOG is an eddy advected by the mean wind (IEC 61400-1), and so is a
+        lull; in still air they travel at their amplitude.
 
         :param gust: its shape.
-        :param time: now [s].
+        :param time: present time [s].
         :raises CommandError: when it has no direction of its own and there is no mean wind.
         """
         mean = np.asarray(self._history.velocity(time))
@@ -178,14 +178,14 @@ class Wind:
         :param points: (N, 3) [m], world.
         :param time: [s].
         :param out: (N, 3) array to write to.
-        :param threads: to work on; the result is the same to the bit for any number.
+        :param threads: number of threads; results do not depend on it, to the last bit.
         :returns: (N, 3) [m/s], world.
         """
         return self._at(points, time, out, self.settings.turbulence_intensity, self._gusts,
                         threads)
 
     def steady_velocity(self, points: np.ndarray, time: float, threads: int = 1) -> np.ndarray:
-        """Return the mean wind at points, sheltered too; no eddies, no gusts; as `velocity`."""
+        """Return the mean wind at points, with shelter, but no eddies or gusts; see `velocity`."""
         return self._at(points, time, None, 0.0, self._gusts[:0], threads)
 
     def _at(self, points: np.ndarray, time: float, out: np.ndarray | None, intensity: float,
@@ -196,7 +196,7 @@ class Wind:
             return out
         if self._blows(time, gusts):
             s = self.settings
-            if not self._terrain.is_flat:  # what blows at a height blows at it over any ground
+            if not self._terrain.is_flat:  # the profile is that over the local ground
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
             self._fill(points, time, out, intensity, gusts, threads)
             if s.shelter:
@@ -207,7 +207,7 @@ class Wind:
         return out
 
     def is_still(self, time: float) -> bool:
-        """Return whether the air rests everywhere: no mean wind, and no gust on its way."""
+        """Return whether the air is still everywhere: no mean wind and no pending gust."""
         return not self._blows(time, self._gusts)
 
     def _blows(self, time: float, gusts: np.ndarray) -> bool:
@@ -245,7 +245,7 @@ class Wind:
         axes = _wind_axes(mean, speed)
         sigma = intensity * speed
         eddies = self._eddies() if sigma > 0.0 else None
-        # Within a period, so that cells have small numbers however far the air has come.
+        # Reduced to a period, so that cell indices stay small at any displacement.
         travelled = () if eddies is None else tuple(
             map(tuple, np.mod(way * _SLANT, eddies.periods).tolist()))
 
@@ -262,7 +262,7 @@ class Wind:
 
 @lru_cache(maxsize=2)
 def _boxes(spectrum: str, reference_height: float, seed: int) -> _Boxes:
-    """Draw the eddies, once for all winds of the same seed: 56 MB, never written to again."""
+    """Generate the eddies, cached for all winds of the same seed: 56 MB, read-only."""
     boxes = make_boxes(spectra.make(spectrum, reference_height), np.random.default_rng(seed))
     return _Boxes(tuple(_for_kernel(box) for box in boxes),
                   np.array([box.period for box in boxes]))
@@ -270,9 +270,9 @@ def _boxes(spectrum: str, reference_height: float, seed: int) -> _Boxes:
 
 def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
     """
-    Choose how fast a gust travels along its direction [m/s].
+    Compute the speed of a gust's front along its direction [m/s].
 
-    The mean wind does not hold up a gust that blows against it, lest it never come.
+    An opposing mean wind does not slow a gust, which might otherwise never arrive.
     """
     if gust.kind == 'cosine' and gust.amplitude > 0.0:
         return max(max(float(product(mean, direction)), 0.0) + gust.amplitude, _SLOWEST)
@@ -280,7 +280,7 @@ def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
 
 
 def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
-    """Return unit vectors along the wind, across it (level) and up from it."""
+    """Return unit vectors along the wind, across it (horizontal) and up from it."""
     along = mean / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
     across = np.array([-along[1], along[0], 0.0])
     level = norm(across)
