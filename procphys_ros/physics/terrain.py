@@ -109,7 +109,7 @@ class Terrain(NamedTuple):
         return normals / norm(normals, axis=1, keepdims=True)
 
     def padded(self, margin: float) -> 'Terrain':
-        """Return the terrain extended beyond its edges by level cells, by at least a margin [m]."""
+        """Return the terrain extended beyond its edges by level cells, by a margin or more [m]."""
         cells = int(np.ceil(margin / self.edge))
         return Terrain(np.pad(self.heights, cells, mode='edge'), self.low - cells * self.edge,
                        self.edge)

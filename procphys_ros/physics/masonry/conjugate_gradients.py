@@ -65,7 +65,7 @@ class ConjugateGradients:
     def invert_blocks(self, parts: np.ndarray) -> None:
         """Recompute the blocks of parts whose bonds have changed, (K,)."""
         graph = self._graph
-        if not len(graph):  # trees only: nothing to compile for
+        if not len(graph):  # trees only: skip compiling the kernel
             return
         links.diagonal_inverses(parts, graph.start, graph.incident, graph.alive, graph.links,
                                 graph.first, self.blocks)
@@ -92,7 +92,7 @@ class ConjugateGradients:
         self.begin(sets)
         self._space = None  # formed when it is needed
         for side in (graph.first, graph.second):
-            self._search[1, side[sets.bonds]] = 0.0  # nothing else moves
+            self._search[1, side[sets.bonds]] = 0.0  # all other parts are fixed
 
     def iterate(self, displacement: np.ndarray, residual: np.ndarray, target: float,
                 limit: int) -> tuple[np.ndarray, np.ndarray]:

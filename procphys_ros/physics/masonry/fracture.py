@@ -84,7 +84,7 @@ class Fracture:
     solver: StressSolver
     _judged: int | None
     _glanced: int | None
-    _released: tuple[int | None, float]  # of which problem, its residual [N]
+    _released: tuple[int | None, float]  # problem, and its first residual [N]
 
     def __init__(self, solver: StressSolver, dynamic_factor: float = 1.0,
                  band: float = _BAND):
@@ -93,8 +93,8 @@ class Fracture:
         self.band = band
         self._judged = None
         self._glanced = None
-        self._thrown = False  # whether a blow throws a mechanism over in the present round
-        self._hanging = np.zeros(0, np.intp)  # parts that a blow has thrown over
+        self._thrown = False  # whether a blow overturns a mechanism in the present round
+        self._hanging = np.zeros(0, np.intp)  # parts that a blow has overturned
         self._released = None, 0.0
         mortar = solver.graph.mortar
         self._dry = (mortar.tension == 0.0) & (mortar.cohesion == 0.0)
@@ -145,7 +145,7 @@ class Fracture:
             elif not settled:
                 continue
             elif solver.equilibrium.sudden:
-                solver.forget_sudden()  # the peak has been survived
+                solver.forget_sudden()  # the bonds have withstood the dynamic peak
             elif solver.converged:
                 self._accept()
             else:  # iteration limit reached without an overloaded bond: unbalanced parts fall

@@ -191,7 +191,7 @@ class CrackedJoints:
         :returns: rows of the joints that moved fastest.
         """
         if not len(rows):
-            return rows  # nothing to compile for
+            return rows  # skip compiling the kernel
         gap, slid, span = np.empty((3, len(rows)))
         joint_kernels.motions(rows, *self._geometry, motion, gap, slid, span)
         relative = np.maximum(gap, slid) / np.maximum(least.way, least.angle * span)

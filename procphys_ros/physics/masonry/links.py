@@ -116,7 +116,7 @@ def add_pulls(bonds, links, first, second, q, out, sign):
     :param out: forces and moments at the reference points [N, N·m], (N + 1, 6), changed in place.
     """
     for k in range(len(bonds)):
-        m = np.uint64(bonds[k])   # unsigned: spares the test for negative indices
+        m = np.uint64(bonds[k])   # unsigned: avoids the test for negative indices
         i = np.uint64(first[m])
         j = np.uint64(second[m])
         x, y, z, a, b, c = _pull(links, m, q, i, j)

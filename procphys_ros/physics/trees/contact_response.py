@@ -108,7 +108,7 @@ def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses
     :param points: on these rows [m], (E, 3), world.
     :param impulses: at the points [N·s], (E, 3), or none, (0, 3).
     :param workspaces, threads: as of `parallel.step`.
-    :param wind: as of the step to come, (S, 3).
+    :param wind: of the next step, (S, 3).
     """
     trees, order, begin, tree, place = _by_tree(plan.start, entry)
     size = np.diff(begin)

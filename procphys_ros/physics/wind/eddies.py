@@ -152,7 +152,7 @@ def _transform(variances: np.ndarray, shares: np.ndarray, used: np.ndarray,
     noise = standard_normal(rng, shares.shape + (2,)).astype(np.float32)
     amplitude = np.sqrt(0.25 * variances.astype(np.float32)[:, None, None] * shares)
     waves = np.zeros((shape[0] // 2 + 1,) + shape[1:], np.complex64)
-    noise *= amplitude[..., None]  # products of complex numbers differ between processors
+    noise *= amplitude[..., None]  # complex products differ between processors
     waves[used] = noise.view(np.complex64)[..., 0]
     if used[-1] == shape[0] // 2:
         # A real field keeps only the real part of its Nyquist wave, and counts it once.

@@ -265,7 +265,7 @@ class NativeEngine:
         """
         way = poses[:, :3] - self._set_out[:len(poses)]
         first, second = contacts[:, :2].astype(np.intp).T
-        second = np.where(second == 0, first, second)  # the ground is everywhere
+        second = np.where(second == 0, first, second)  # ground contacts follow the body
         one, two = self._table.mass[first], self._table.mass[second]
         share = (one / (one + two))[:, None]
         return share * way[first] + (1.0 - share) * way[second]
