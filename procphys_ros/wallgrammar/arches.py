@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arches: how rings of voussoirs are divided, and the outlines that the wall keeps clear of."""
+"""Arches: division of rings into voussoirs, and the outlines that the wall keeps clear of."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -22,16 +22,16 @@ import numpy as np
 from procphys_ros.elementary import acos, asin, cos, hypot, sin
 from procphys_ros.linear import product, solve
 
-SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # and how many numbers they take
-_SKEW = np.sqrt(0.75)  # height over span of the triangle whose tip the joints of flat arches meet
+SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # number of parameters of each
+_SKEW = np.sqrt(0.75)  # height over span of the triangle at whose apex joints of flat arches meet
 _SHALLOWEST = 0.02  # of the span: least rise of a segmental arch
-_MOST = 400  # voussoirs in a ring
-_TAPER = 0.3  # of a joint: by how much it may grow along a brick
+_MOST = 400  # in a ring at most
+_TAPER = 0.3  # of a joint: largest increase of its thickness along a brick
 
 
 class Line(NamedTuple):
     """
-    Where two voussoirs meet.
+    Joint line between two voussoirs.
 
     :ivar inner, outer: ends at the intrados and the extrados [m], (2,).
     """
@@ -43,9 +43,9 @@ class Line(NamedTuple):
 @dataclass(frozen=True)
 class Curve:
     """
-    Middle line of what arches do: arcs of a circle, or a level line.
+    Intrados of an arch: arcs of a circle, or a level line.
 
-    Origin half way between the springings, x along the wall, y up.
+    Origin halfway between the springings, x along the wall, y up.
 
     :ivar shape: one of `SHAPES`.
     :ivar span: between the springings [m].
@@ -59,10 +59,10 @@ class Curve:
     @classmethod
     def of(cls, shape: str, span: float, numbers: tuple[float, ...]) -> 'Curve':
         """
-        Choose the rise.
+        Make the curve of an arch, with its rise.
 
         :param numbers: the rise of a segmental arch [m].
-        :raises ValueError: for a rise that makes no arc; the message says which is allowed.
+        :raises ValueError: for a rise out of range; the message names the range.
         """
         rise = {'round': 0.5 * span, 'pointed': _SKEW * span, 'flat': 0.0}.get(shape)
         if rise is None:
@@ -100,9 +100,9 @@ class Curve:
 
     def rings(self, count: int, depth: float, joint: float, pitch: float) -> list[list[Line]]:
         """
-        Divide rings over each other, none of which reaches into the next.
+        Divide rings over each other, so that none reaches into the next.
 
-        The flat undersides of wide voussoirs lie inside of their circle: where that is more than
+        The flat undersides of wide voussoirs lie inside their circle: where the sagitta exceeds
         the joint, the ring moves out.
 
         :param count: of rings.
@@ -124,7 +124,7 @@ class Curve:
         return found
 
     def _sagitta(self, lines: list[Line], offset: float) -> float:
-        """Give how far the widest underside of a ring lies inside of its circle [m]."""
+        """Compute the sagitta of the widest voussoir's underside in a ring [m]."""
         if self.shape == 'flat':
             return 0.0
         radius = self._arc()[1] + offset
@@ -132,7 +132,7 @@ class Curve:
         return float(radius - np.sqrt(radius * radius - half * half))
 
     def _arc(self) -> tuple[np.ndarray, float, float]:
-        """Give centre, radius and half of the angle of a circular arch."""
+        """Return centre [m], radius [m] and half angle [rad] of a circular arch."""
         radius = (0.25 * (self.span * self.span) + self.rise * self.rise) / (2.0 * self.rise)
         if self.shape == 'pointed':
             radius = self.span
@@ -140,7 +140,7 @@ class Curve:
         return np.array([0.0, self.rise - radius]), radius, float(half)
 
     def _pointed(self, inner: float, outer: float, pitch: float) -> list[Line]:
-        """Divide two arcs about the springings opposite; they meet in an upright joint."""
+        """Divide the two arcs of a pointed arch, which meet in a vertical joint at the apex."""
         reach = acos(0.5 * self.span / inner)
         count = max(int(np.ceil(outer * acos(0.5 * self.span / outer) / pitch)), 2)
         turn = np.linspace(0.0, reach, count + 1)[:-1]
@@ -161,13 +161,13 @@ def _odd(count: float) -> int:
 
 
 def too_many(curve: Curve, depth: float, pitch: float) -> bool:
-    """Return whether a ring would have more voussoirs than anybody could lay."""
+    """Return whether a ring would have more voussoirs than `_MOST`."""
     return bool(np.pi * (curve.span + 2.0 * depth) > _MOST * pitch)
 
 
 def voussoirs(lines: list[Line], joint: float) -> np.ndarray:
     """
-    Cut the stones of a ring, their sides half a joint from the lines, (n, 4, 2).
+    Cut the voussoirs of a ring, their sides half a joint from the lines, (n, 4, 2).
 
     :param lines: of the ring, see `Curve.ring`.
     :param joint: [m].
@@ -189,14 +189,14 @@ def voussoirs(lines: list[Line], joint: float) -> np.ndarray:
 
 def _cross(point: np.ndarray, way: np.ndarray, other: np.ndarray,
            its_way: np.ndarray) -> np.ndarray:
-    """Give the point where two lines cross."""
+    """Compute the intersection of two lines [m], (2,)."""
     share = solve(np.column_stack([way, -its_way]), other - point)[0]
     return point + share * way
 
 
 def extrados(lines: list[Line], joint: float) -> np.ndarray:
     """
-    Give the outline of the outermost ring with the seats, that the wall around keeps clear of.
+    Return the outline of the outermost ring and its skewbacks, which the wall keeps clear of.
 
     :param lines: of the outermost ring, and the inner ends of the first and last of the innermost.
     :returns: half planes whose intersection is the outline: a·x + b·y <= c, rows a b c, (n, 3).
@@ -208,17 +208,17 @@ def extrados(lines: list[Line], joint: float) -> np.ndarray:
 
 
 def intrados(lines: list[Line], joint: float) -> np.ndarray:
-    """Give the outline of what fills an arch, as `extrados` does."""
+    """Return the outline of the infill of an arch as half planes, see `extrados`."""
     points, rooms = _joined(np.array([line.inner for line in lines]), joint)
     return _half_planes(list(points), [*(room - joint for room in rooms), 0.5 * joint])
 
 
 def _joined(points: np.ndarray, joint: float) -> tuple[np.ndarray, list[float]]:
     """
-    Join sides of an outline, from the middle outwards, where a tapering joint makes up for it.
+    Merge sides of an outline, from the middle outwards, where a tapering joint allows it.
 
     :param points: of the outline, symmetric, (n, 2).
-    :returns: those that are kept, and how far each side between them moves outwards [m].
+    :returns: the corners that are kept, and the outward shift of each side between them [m].
     """
     last = len(points) - 1
     start = last - (last - 1) // 2 if last % 2 else last // 2  # right end of the keystone, or apex
@@ -236,14 +236,14 @@ def _joined(points: np.ndarray, joint: float) -> tuple[np.ndarray, list[float]]:
 
 
 def _bulge(points: np.ndarray) -> float:
-    """Give how far points stand out of the chord from the first to the last [m]."""
+    """Compute the largest distance of points from the chord of the first and the last [m]."""
     way = points[-1] - points[0]
     off = product(points - points[0], np.array([-way[1], way[0]])) / hypot(*way)
     return float(np.abs(off).max())
 
 
 def _half_planes(points: list[np.ndarray], rooms: list[float]) -> np.ndarray:
-    """Turn a polygon, clockwise, into half planes, moved outwards side by side."""
+    """Convert a clockwise polygon into half planes, each moved outwards by its room [m]."""
     rows = []
     for a, b, room in zip(points, [*points[1:], points[0]], rooms):
         way = b - a

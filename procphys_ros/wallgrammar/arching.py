@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Arching: the arches of a facade: where they stand, their stones, and the bricks cut to them."""
+"""Arching: the arches of a facade, their voussoirs, and the bricks cut to fit them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -37,14 +37,14 @@ _MOST_RINGS = 10
 @dataclass(frozen=True)
 class Arch:
     """
-    An arch in its facade.
+    Arch in its facade.
 
-    :ivar piece: the panel: it springs from the lower corners, and what is above it is wall.
+    :ivar piece: the panel; the arch springs from its lower corners, with wall above it.
     :ivar material: name; None = that of the wall.
     :ivar stones: outlines of the voussoirs, counter-clockwise [m], (n, 4, 2).
-    :ivar gap: what bricks keep clear of.
-    :ivar bounds: left, bottom, right, top of all of it [µm].
-    :ivar shoulder: greatest height of what reaches sideways beyond the panel [µm].
+    :ivar gap: region that bricks keep clear of.
+    :ivar bounds: left, bottom, right, top of the whole arch [µm].
+    :ivar shoulder: greatest height of the stones beyond the sides of the panel [µm].
     """
 
     piece: Piece
@@ -60,10 +60,10 @@ def plan(piece: Piece, panel: Panel, layout: Layout, filled: bool) -> Arch:
     Divide an arch into voussoirs.
 
     :param piece: the panel.
-    :param panel: what its name stands for.
+    :param panel: its definition.
     :param layout: of the wall; a unit, on end or on edge, is as deep as a ring.
     :param filled: whether masonry stands under the arch.
-    :raises GrammarError: for arches that have no room or no form.
+    :raises GrammarError: for arches without room, or of an invalid shape.
     """
     scope, joint = piece.scope, layout.joint / MICRO
     depth = layout.unit[1 if layout.crossed else 0] / MICRO
@@ -115,8 +115,8 @@ def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch],
     """
     Cut bricks to the arches among them; pieces of one brick stay one member.
 
-    :param site: takes the forms of what is cut.
-    :param facade: in whose frame the bricks are.
+    :param site: receives the corners of cut bricks.
+    :param facade: in its frame the bricks lie.
     :param boxes: bricks.
     :param found: arches of the facade.
     :param layout: of the bricks.
@@ -136,10 +136,10 @@ def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch],
 
 def _pieces(courses: Courses, gaps: Sequence[cutting.Gap]
             ) -> tuple[list[int], list[np.ndarray], np.ndarray]:
-    """Cut the bricks of a wall: brick and outline of each piece, and which stay as they are."""
+    """Cut the bricks of a wall; return brick and outline of each piece, and a mask of the rest."""
     fits = [Fit.of(courses, gap) for gap in gaps]
     left, right = courses.low[:, 0].copy(), courses.high[:, 0].copy()
-    for fit in fits:  # a brick between two arches may end elsewhere at both of its ends
+    for fit in fits:  # both ends of a brick between two arches may move
         left = np.where(fit.left != courses.low[:, 0], fit.left, left)
         right = np.where(fit.right != courses.high[:, 0], fit.right, right)
     near = np.array([fit.touched for fit in fits])
@@ -165,16 +165,16 @@ def _pieces(courses: Courses, gaps: Sequence[cutting.Gap]
 
 
 def _is_box(outline: np.ndarray, low: np.ndarray, high: np.ndarray) -> bool:
-    """Return whether nothing has been cut off."""
+    """Return whether an outline is still the whole rectangle."""
     same = np.abs(np.concatenate([outline.min(axis=0) - low, outline.max(axis=0) - high])) < 1e-7
     return bool(same.all()) and cutting.area(outline) > (1.0 - 1e-6) * float((high - low).prod())
 
 
 def stones(site: Site, facade: Facade, arch: Arch, layout: Layout) -> Boxes:
     """
-    Give the voussoirs of an arch.
+    Make the voussoirs of an arch.
 
-    :param site: takes their forms.
+    :param site: receives their corners.
     :param facade: where the arch stands.
     :param layout: of the wall.
     """
@@ -187,7 +187,7 @@ def stones(site: Site, facade: Facade, arch: Arch, layout: Layout) -> Boxes:
 
 
 def _shaped(site: Site, facade: Facade, boxes: Boxes, outlines: np.ndarray) -> Boxes:
-    """Give parts that are as deep as their boxes, but have outlines (n, 4, 2) in the facade."""
+    """Make parts as deep as their boxes, with outlines (n, 4, 2) in the facade."""
     first = np.argmin(outlines.sum(axis=2), axis=1)  # the lower left corner
     order = (first[:, None] + np.arange(4)) % 4
     turned = np.take_along_axis(outlines, order[:, :, None], axis=1)

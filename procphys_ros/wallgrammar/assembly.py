@@ -35,10 +35,10 @@ from procphys_ros.wallgrammar.contacts import Contacts
 from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
-_THINNEST = 0.001      # [m] joint taken for dry contacts, which are never perfectly even
+_THINNEST = 0.001      # [m] joint assumed for dry contacts, which are never perfectly even
 _STRENGTHS = ('tension', 'cohesion', 'friction', 'compression', 'reinforcement')
 
-# Turn from the part (x along its length) to the frame, for a length along x, y, z of the frame.
+# Rotation from part (x along its length) to frame, for a length along the frame's x, y, z.
 _TURNS = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)],
                    [0.0, -np.sqrt(0.5), 0.0, np.sqrt(0.5)]])
 _ORDER = np.array([[0, 1, 2], [1, 0, 2], [2, 1, 0]])  # extents of the frame in part order
@@ -81,7 +81,7 @@ def from_contacts(contacts: Contacts, boxes: Boxes, frames: np.ndarray) -> Patch
 
 
 def fastened(patches: Patches, boxes: Boxes) -> Patches:
-    """Leave out where timber and tiles meet masonry, and what single nails do not hold."""
+    """Drop patches between mortared and nailed parts; shrink those held by a single nail."""
     joint = np.sort(boxes.joint[patches.pair], axis=1)
     rows = (joint != [Joint.MORTAR, Joint.NAIL]).any(axis=1)
     kept = Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
@@ -89,7 +89,7 @@ def fastened(patches: Patches, boxes: Boxes) -> Patches:
 
 
 def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
-    """Leave of some patches, a mask, what a single nail in their middle holds."""
+    """Shrink the masked patches to the area that a single nail in their middle holds."""
     narrow = np.minimum(patches.extent.min(axis=1), np.sqrt(NAIL_AREA))
     extent = np.minimum(patches.extent, (NAIL_AREA / narrow)[:, None])
     area = np.where(rows, extent.prod(axis=1), patches.area)
@@ -98,11 +98,11 @@ def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
 
 def on_ground(boxes: Boxes, frames: np.ndarray, upright: int) -> Patches:
     """
-    Bed what stands at level zero on the ground.
+    Make patches between the ground and the boxes at level zero.
 
     :param boxes: all boxes.
     :param frames: pose of each frame [m], (f, 7).
-    :param upright: how many frames, from the first, have their z up.
+    :param upright: number of leading frames whose z is up.
     """
     rows = np.flatnonzero((boxes.cells[0][:, 2] == 0) & (boxes.frame < upright)
                           & (boxes.form < 0))
@@ -127,7 +127,7 @@ def _patches(pair: np.ndarray, axis: np.ndarray, low: np.ndarray, high: np.ndarr
 
 def corners_of(boxes: Boxes, forms: Sequence[np.ndarray], frames: np.ndarray) -> np.ndarray:
     """
-    Give the corners of parts in the building [m], (n, 8, 3).
+    Return the corners of parts in the building [m], (n, 8, 3).
 
     :param boxes: the parts.
     :param forms: see `Site.forms`.
@@ -145,14 +145,14 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
              materials: dict[str, Material], kinds: Sequence[str],
              corners: np.ndarray) -> Blueprint:
     """
-    Write the blueprint.
+    Assemble the blueprint of a building.
 
     :param boxes: parts, in part order.
     :param patches: bonds, in bond order.
     :param frames: pose of each frame in the building [m], (f, 7).
-    :param materials: by name, in the order that `Boxes.material` counts.
-    :param kinds: names that `Boxes.kind` counts.
-    :param corners: of those that are hexahedra, in part order [m], (h, 8, 3).
+    :param materials: by name, in the order of the indices `Boxes.material`.
+    :param kinds: names, indexed by `Boxes.kind`.
+    :param corners: of the parts that are hexahedra, in part order [m], (h, 8, 3).
     """
     names = tuple(materials)
     table = list(materials.values())
@@ -185,7 +185,7 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
 
 def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mortar:
     """
-    Give each bond the weakest of its two materials and of what joins them.
+    Assign each bond the lowest strengths among its two materials and its joiner.
 
     Along the normal the two half units and the joint are springs in series.
     """
@@ -199,7 +199,7 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
     strengths = np.array([[getattr(m, name) for name in _STRENGTHS]
                           for m in materials.values()])
     lowest = weakest(strengths, np.column_stack([material, joiner]))
-    # What a grammar says of bricks is the strength of their joints; pieces of one are stronger.
+    # Strengths of bricks in a grammar are those of their joints; pieces of one are stronger.
     cut = _grain(pair, boxes) & (boxes.form[pair] >= 0).all(axis=1)
     cut &= (boxes.joint[pair] == Joint.MORTAR).all(axis=1)
     lowest[cut, :2] = np.maximum(lowest[cut, :2], [cut_bricks.TENSION, cut_bricks.COHESION])
@@ -209,7 +209,7 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
 
 
 def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
-    """Name what joins each pair: mortar, fixings, a bearing, or for one member its own grain."""
+    """Look up the joiner of each pair: mortar, fixing, bearing, or one member's own grain."""
     mortar, fixing, nail, lap, bearing = (
         names.index(n) for n in ('mortar', 'fixing', 'nail', 'lap', 'bearing'))
     first = np.where(pair[:, 0] == GROUND, pair[:, 1], pair[:, 0])
@@ -226,12 +226,12 @@ def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
 
 
 def _by_one_nail(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
-    """Return which pairs a single nail joins, (m,) bool."""
+    """Mark the pairs that a single nail joins, (m,) bool."""
     nailed = (boxes.joint[pair] == Joint.NAIL).all(axis=1) & (pair[:, 0] != GROUND)
     return nailed & ~_grain(pair, boxes)
 
 
 def _grain(pair: np.ndarray, boxes: Boxes) -> np.ndarray:
-    """Return which pairs are pieces of one member, (m,) bool."""
+    """Mark the pairs that are pieces of one member, (m,) bool."""
     first, second = boxes.member[pair[:, 0]], boxes.member[pair[:, 1]]
     return (first >= 0) & (first == second) & (pair[:, 0] != GROUND)

@@ -30,16 +30,16 @@ from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.spec import Building, Spec
 
 _HIGHEST = 1000.0     # [m]
-_MOST_EDGES = 300_000  # comparisons of edges of plans, some 30 s
-_CLOSE = 1e-3         # [m] plans that share less than this touch each other
+_MOST_EDGES = 300_000  # pairs of plan edges compared at most, some 30 s
+_CLOSE = 1e-3         # [m] plans that overlap by less touch each other
 
 
 class Body(NamedTuple):
     """
-    A building, or a wing of one, before it is built.
+    Building, or a wing of one, before it is built.
 
-    :ivar building: what the text says of it.
-    :ivar deriver: knows the values of its parameters.
+    :ivar building: its definition in the text.
+    :ivar deriver: holds the values of its parameters.
     :ivar storeys: number of storeys.
     :ivar storey_height: [m].
     :ivar pieces: panels of each facade.
@@ -63,7 +63,7 @@ class Body(NamedTuple):
         return micro(self.storeys * self.storey_height)
 
     def elevations(self, spec: Spec, layouts: dict[str, Layout]) -> list[walls.Elevation]:
-        """Give the walls, with room for what stands in them."""
+        """List the elevations of the walls, with panels fitted to courses and edges."""
         return [walls.Elevation(
             facade, _fit(walls.gauge_pieces(pieces, self.layout), facade.length), spec.panels,
             layouts, self.layout) for facade, pieces in zip(self.plan.facades, self.pieces)]
@@ -74,13 +74,13 @@ def derive(building: Building, spec: Spec, layouts: dict[str, Layout], values: d
     """
     Derive the facades of a building or a wing.
 
-    :param building: what the text says of it.
+    :param building: its definition in the text.
     :param spec: rules and panels.
     :param layouts: by name.
     :param values: of the parameters.
     :param generator: draws weighted rules and random numbers.
-    :param earlier: what has been derived before, of which the first is the building.
-    :raises GrammarError: when rules and sizes make no building that stands.
+    :param earlier: bodies derived before; the first is the building.
+    :raises GrammarError: when rules and sizes do not make a building that stands.
     """
     values = {**values, 'storey_height': building.storey_height.number(values, generator)}
     values.setdefault('storeys', 1.0)
@@ -135,7 +135,7 @@ def _storeys(building: Building, values: dict[str, float]) -> int:
 
 def _wall_layout(building: Building, spec: Spec, layouts: dict[str, Layout],
                  pieces: list[list[Piece]]) -> Layout:
-    """Find the thinnest layout, which all walls have; thicker panels are piers in them."""
+    """Find the thinnest layout, that of all walls; thicker panels become piers in them."""
     found: dict[str, tuple[Layout, Piece]] = {}
     for piece in (p for row in pieces for p in row):
         kind = spec.panels[piece.panel].kind
@@ -159,17 +159,17 @@ def _wall_layout(building: Building, spec: Spec, layouts: dict[str, Layout],
 
 
 def _fit(pieces: list[Piece], length: int) -> list[Piece]:
-    """Let panels end where the edge ends in whole micrometres of its frame."""
+    """Snap the right ends of panels to the length of the edge, in whole micrometres."""
     return [p._replace(scope=p.scope._replace(right=length))
             if abs(p.scope.right - length) <= 5 else p for p in pieces]
 
 
 class Neighbour(NamedTuple):
     """
-    What roofs of other bodies keep clear of.
+    Body that the roofs of other bodies keep clear of.
 
     :ivar name: of the body.
-    :ivar low, high: rectangle about it, in the first frame [µm], (2,).
+    :ivar low, high: its bounding rectangle in the first frame [µm], (2,).
     :ivar top: height of its walls, or of its roof [µm].
     """
 
@@ -180,7 +180,7 @@ class Neighbour(NamedTuple):
 
 
 def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
-    """List the other bodies as the roof of one sees them."""
+    """List the other bodies, with bounds in the first frame of one."""
     yaw = body.plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
     corners = micros(product(np.concatenate([other.plan.points for other in bodies]), turn))
@@ -192,9 +192,9 @@ def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
 
 def check_apart(bodies: Sequence[Body]) -> None:
     """
-    Refuse wings that stand in each other or in the building.
+    Check that no wings overlap each other or the building.
 
-    :raises GrammarError: naming both, or when there are too many to be compared.
+    :raises GrammarError: naming both, or when there are too many to compare.
     """
     meets = _near(bodies)
     for i, body in enumerate(bodies):
@@ -214,7 +214,7 @@ def check_apart(bodies: Sequence[Body]) -> None:
 
 
 def _near(bodies: Sequence[Body]) -> np.ndarray:
-    """Return which bodies have rectangles, with what stands out, that meet, (N, N) bool."""
+    """Mark pairs of bodies whose bounding rectangles, with projections, overlap, (N, N) bool."""
     grounds = [np.concatenate([_ground_of(body), *(covered for _, covered in _standing_out(body))])
                for body in bodies]
     low = np.array([ground.min(axis=0) for ground in grounds])
@@ -240,7 +240,7 @@ def _stands_in(piece: Piece, ground: np.ndarray, other: Body) -> bool:
 
 
 def _standing_out(body: Body) -> Iterator[tuple[Piece, np.ndarray]]:
-    """Give the panels that stand out of facades, and the rectangles that they cover [m]."""
+    """Yield the panels that project from facades, and the rectangles that they cover [m]."""
     points = body.plan.points
     for pieces, start, end in zip(body.pieces, points, np.roll(points, -1, axis=0)):
         along = (end - start) / norm(end - start)
@@ -254,7 +254,7 @@ def _standing_out(body: Body) -> Iterator[tuple[Piece, np.ndarray]]:
 
 
 def _ground_of(body: Body) -> np.ndarray:
-    """Give the polygon that a body stands on [m]; of a free wall, with its thickness."""
+    """Return the ground polygon of a body [m], (n, 2); a free wall's has its thickness."""
     points = body.plan.points
     if len(points) > 2:
         return points
@@ -278,7 +278,7 @@ def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether two polygons share more than their edges."""
+    """Return whether two polygons overlap by more than their edges."""
     if _crossed(points, others):
         return True
     samples = [np.concatenate([(1.0 - share) * p + share * np.roll(p, -1, axis=0)
@@ -288,7 +288,7 @@ def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
 
 
 def _inside(samples: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Return which points lie inside a polygon and off its edges, (n,) bool."""
+    """Mark the points inside a polygon and off its edges, (n,) bool."""
     inside = np.zeros(len(samples), bool)
     near = np.zeros(len(samples), bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):

@@ -12,25 +12,25 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bonds of masonry: where the perpends of a course stand, and what lies between them."""
+"""Bonds of masonry: the perpends of a course, and the units between them."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 BONDS = ('running', 'stack', 'english', 'flemish', 'rubble')
-_SHORTEST, _LONGEST = 0.6, 1.4  # of a unit: stones of rubble
-_TRIES = 6     # lengths that a waller picks from, so that joints do not stand over each other
+_SHORTEST, _LONGEST = 0.6, 1.4  # of a unit: lengths of rubble stones
+_TRIES = 6     # candidate lengths of a stone, the best of which staggers the joints
 
 
 @dataclass(frozen=True)
 class Course:
     """
-    Perpends of one course as a pattern that repeats along the wall.
+    Perpends of one course, as a pattern that repeats along the wall.
 
-    :ivar phase: where the pattern starts, measured from the end of the wall [µm].
+    :ivar phase: start of the pattern, from the end of the wall [µm].
     :ivar widths: cells of one period: units with their joints [µm], (m,).
-    :ivar header: which cells lie across the wall, (m,).
+    :ivar header: mask of the cells that lie across the wall, (m,).
     """
 
     phase: int
@@ -43,13 +43,13 @@ class Course:
         return int(self.widths.sum())
 
     def perpend(self, index: np.ndarray) -> np.ndarray:
-        """Locate perpends by their number [µm], (n,)."""
+        """Locate perpends by their indices [µm], (n,)."""
         starts = np.concatenate([[0], np.cumsum(self.widths)[:-1]])
         lap, place = np.divmod(index, len(self.widths))
         return self.phase + lap * self.period + starts[place]
 
     def first_beyond(self, x: np.ndarray) -> np.ndarray:
-        """Give the number of the first perpend that stands beyond x [µm], (n,)."""
+        """Find the index of the first perpend beyond each x [µm], (n,)."""
         starts = np.concatenate([[0], np.cumsum(self.widths)[:-1]])
         lap, rest = np.divmod(x - self.phase, self.period)
         return lap * len(self.widths) + np.searchsorted(starts, rest, side='right')
@@ -58,7 +58,7 @@ class Course:
 @dataclass(frozen=True)
 class Layout:
     """
-    How a panel is tiled.
+    Tiling of a panel by units.
 
     :ivar bond: one of `BONDS`.
     :ivar unit: length, width and height of a unit [µm], (3,).
@@ -106,12 +106,12 @@ class Layout:
 
         A course starts half a joint outside the wall, so that its first unit is flush with the
         end. English bond: courses of stretchers and of headers in turn, headers a quarter unit
-        off. Flemish bond: both in each course, each header centred over a stretcher. Rubble: each
-        course is another one.
+        off. Flemish bond: both in each course, each header centred over a stretcher. Rubble:
+        every course differs.
 
         :param generator: draws the lengths of rubble.
         :param length: of the wall [µm].
-        :param count: courses of the wall.
+        :param count: number of courses of the wall.
         """
         start = -(self.joint // 2)
         stretcher, header = self.pitch, self.unit[1] + self.joint
@@ -130,7 +130,7 @@ class Layout:
                 for k in range(repeat)]
 
     def _rubble(self, generator: np.random.Generator, length: int, count: int) -> list[Course]:
-        """Draw the lengths of stones; perpends stand far from those in the course below."""
+        """Draw the lengths of stones, with perpends far from those in the course below."""
         below, found = np.array([0.0]), []
         for _ in range(count):
             place, widths = 0.0, []

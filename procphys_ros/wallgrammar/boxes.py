@@ -22,16 +22,16 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 MICRO = 1_000_000  # micrometres per metre
-SPAN = 2  # pieces of what spans come in pairs: it breaks in the middle, where it bends most
+SPAN = 2  # spans have an even number of pieces, to break in the middle, where they bend most
 
 
 class Joint(IntEnum):
-    """How a part is fastened to its neighbours."""
+    """Fastening of a part to its neighbours."""
 
     MORTAR = 0   # laid in mortar
     FIXING = 1   # nailed, screwed, puttied
     BEARING = 2  # rests on masonry, is nailed to timber
-    NAIL = 3     # like FIXING, but to its like by a single nail: tiles, battens, rafters
+    NAIL = 3     # as FIXING, but two such parts share a single nail: tiles, battens, rafters
     LAP = 4      # lapped over other timber and nailed
 
 
@@ -48,7 +48,7 @@ def micros(metres: ArrayLike) -> np.ndarray:
 @dataclass(frozen=True)
 class Boxes:
     """
-    Boxes of some frame; `cells` of neighbours meet exactly, half a joint outside the boxes.
+    Boxes, each in a frame; `cells` of neighbours meet exactly, half a joint outside the boxes.
 
     :ivar low, high: opposite corners [µm], (n, 3), in the frame of the box.
     :ivar before, after: joint between box and cell on the low and the high side [µm], (n, 3).
@@ -57,8 +57,8 @@ class Boxes:
     :ivar kind: index of the kind name, (n,).
     :ivar material: index of the material, (n,).
     :ivar joint: `Joint`, (n,).
-    :ivar member: pieces of equal number >= 0 are one piece of timber, or one brick, (n,).
-    :ivar form: which of `Site.forms` the part is, inside its box; -1 = the box, (n,).
+    :ivar member: pieces of equal number >= 0 are one timber or one brick, (n,).
+    :ivar form: index of the part's corners in `Site.forms`; -1 = the box itself, (n,).
     """
 
     low: np.ndarray
@@ -111,7 +111,7 @@ def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: Ar
 
 
 def stack(pieces: Sequence[Boxes]) -> Boxes:
-    """Put boxes behind each other; timber keeps its numbers, which must be unique already."""
+    """Concatenate boxes; member numbers are kept and must be unique already."""
     return Boxes(**{f.name: np.concatenate([getattr(p, f.name) for p in pieces])
                     for f in fields(Boxes)})
 
@@ -123,7 +123,7 @@ def split_along(boxes: Boxes, longest: int, first_member: int, multiple: int = 1
     :param boxes: uncut members.
     :param longest: greatest length of a piece [µm].
     :param first_member: number of the first member; they are counted up from it.
-    :param multiple: of which the number of pieces is one; 2 = what spans can break in the middle.
+    :param multiple: divisor of the number of pieces; 2 lets spans break in the middle.
     """
     rows = np.arange(len(boxes))
     start, end = boxes.low[rows, boxes.axis], boxes.high[rows, boxes.axis]

@@ -57,7 +57,7 @@ class WallGrammar:
     """
     A parsed wall grammar, ready to build.
 
-    :ivar spec: what the text says.
+    :ivar spec: definitions of the text.
     :ivar source: name of the text, for errors.
     :ivar most_parts: bound on the parts of the building.
     """
@@ -77,7 +77,7 @@ class WallGrammar:
         :param text: the grammar.
         :param source: name for errors.
         :param most_parts: bound on the parts of the building.
-        :param folder: where included files are looked for first; then among the shipped ones.
+        :param folder: searched for included files before the shipped ones.
         :raises GrammarError: where the text does not fit the language.
         """
         check_length(text, source)
@@ -108,7 +108,7 @@ class WallGrammar:
         :param seed: of weighted rules and random numbers.
         :param defines: values of parameters that replace their defaults.
         :returns: parts and mortar bonds, the footprint's coordinates in x and y, the ground at 0.
-        :raises GrammarError: when rules, sizes or materials make no building that stands.
+        :raises GrammarError: when rules, sizes or materials do not make a building that stands.
         """
         generator = generator_of(seed, self.source)
         spec = self.spec

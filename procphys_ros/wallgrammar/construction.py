@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Construction: where the boxes of a building gather while it is built."""
+"""Construction: collection of the boxes of a building while it is built."""
 
 from dataclasses import dataclass, field
 
@@ -29,10 +29,10 @@ class Site:
     """
     Parts under construction.
 
-    :ivar materials: by name, in the order that boxes count them.
+    :ivar materials: by name, in the order of their indices.
     :ivar most_parts: bound on the number of parts.
     :ivar place: of the building in its text, for errors.
-    :ivar generator: draws what is irregular.
+    :ivar generator: draws irregularities.
     :ivar kinds: names of the kinds met so far.
     :ivar frames: pose of each frame in the building [m], 7 each; upright frames come first.
     :ivar patches: bonds between parts of different frames.
@@ -53,20 +53,20 @@ class Site:
     _members: int = 0
 
     def kind(self, name: str) -> int:
-        """Give the index of a kind, new or not."""
+        """Return the index of a kind, which is added if new."""
         if name not in self.kinds:
             self.kinds.append(name)
         return self.kinds.index(name)
 
     def material(self, name: str) -> int:
-        """Give the index of a material."""
+        """Look up the index of a material."""
         return list(self.materials).index(name)
 
     def expect(self, parts: float) -> None:
         """
-        Refuse to build more parts than allowed, before memory is taken for them.
+        Check the bound on parts before memory is allocated for them.
 
-        :param parts: how many are about to be added.
+        :param parts: number about to be added.
         :raises GrammarError: when they are too many.
         """
         if self.count + parts > self.most_parts:
@@ -81,7 +81,7 @@ class Site:
 
         :param boxes: the parts; pieces of one member carry numbers from `next_member` on.
         :param longest: when given, members are cut into pieces of at most this length [µm].
-        :param multiple: of which the number of pieces of each is one, see `split_along`.
+        :param multiple: divisor of the number of pieces of each, see `split_along`.
         :returns: rows of the parts.
         """
         if longest:
@@ -95,7 +95,7 @@ class Site:
 
     def add_spans(self, boxes: Boxes, longest: int) -> tuple[np.ndarray, np.ndarray]:
         """
-        Add members that span, cut into an even number of pieces.
+        Add spanning members, cut into an even number of pieces.
 
         :param boxes: uncut members.
         :param longest: greatest length of a piece [µm].
@@ -108,9 +108,9 @@ class Site:
 
     @property
     def next_member(self) -> int:
-        """Give the number that the next member may take."""
+        """Return the first free member number."""
         return self._members
 
     def boxes(self) -> Boxes:
-        """Give all parts so far, in part order."""
+        """Return all boxes so far, in part order."""
         return stack(self._boxes)

@@ -26,7 +26,7 @@ _LEAST = 12_000    # [µm] narrower laps hold nothing, unless the parts themselv
 
 class Contacts(NamedTuple):
     """
-    Faces that meet, first part on the low side.
+    Contacts between faces; the first part is on the low side.
 
     :ivar first, second: rows of the boxes, (m,).
     :ivar axis: axis of the frame that the first part's face looks along, (m,).
@@ -42,7 +42,7 @@ class Contacts(NamedTuple):
 
 def spread(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Count through the elements of groups of given sizes.
+    Enumerate the elements of groups of given sizes.
 
     :param count: size of each group, (n,).
     :returns: group of each element and its position inside the group, (sum of count,) each.
@@ -55,7 +55,7 @@ def find(boxes: Boxes) -> Contacts:
     """
     Find all faces that meet: opposite faces of two cells in one plane, with boxes that overlap.
 
-    Parts that are no boxes have no contacts here, see `polygons`.
+    Parts that are not boxes have no contacts here, see `polygons`.
     Work and memory grow with the number of faces; a face is compared only with those in its own
     plane that share a square of the grid with it.
 
@@ -87,7 +87,7 @@ def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int)
 
 def _same_planes(frame: np.ndarray, ahead: np.ndarray,
                  behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give planes numbers; faces in a plane without an opposite face get -1."""
+    """Index the planes of faces; faces without an opposite face in their plane get -1."""
     n = len(frame)
     keys = np.column_stack([np.concatenate([frame, frame]), np.concatenate([ahead, behind])])
     order = np.lexsort((keys[:, 1], keys[:, 0]))
@@ -103,7 +103,7 @@ def _same_planes(frame: np.ndarray, ahead: np.ndarray,
 
 def _candidates(boxes: Boxes, across: list[int], ahead: np.ndarray,
                 behind: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pair the faces that share a plane and a square; give the square too, (m, 2)."""
+    """Pair the faces that share a plane and a square; return the square too, (m, 2)."""
     if not len(boxes):
         return np.zeros(0, int), np.zeros(0, int), np.zeros((0, 2), int)
     first_square = boxes.low[:, across] // _BUCKET

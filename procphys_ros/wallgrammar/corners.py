@@ -29,7 +29,7 @@ from procphys_ros.wallgrammar.plan import along_facade
 from procphys_ros.wallgrammar.polygons import clip, moments
 from procphys_ros.wallgrammar.walls import Elevation
 
-_LEAST_AREA = 1e-4   # [m²] smaller overlaps of beds do not hold anything
+_LEAST_AREA = 1e-4   # [m²] smaller overlaps of beds are ignored
 _NEAR = 3            # wall thicknesses from the corner within which beds can overlap
 
 
@@ -37,10 +37,10 @@ def bond(site: Site, walls: Sequence[Elevation]) -> None:
     """
     Bond the walls at every corner whose angle is not right.
 
-    Within a course the wedge between the two ends is mortar; the beds of courses above each other
+    Within a course, mortar fills the wedge between the two ends; the beds of successive courses
     overlap, because the walls run up to the corner in turn.
 
-    :param site: holds the parts and takes the bonds.
+    :param site: holds the parts and receives the bonds.
     :param walls: the facades in their order, built.
     """
     if all(wall.facade.end.right for wall in walls):
@@ -113,7 +113,7 @@ def _wedges(site: Site, boxes: Boxes, pairs: np.ndarray, ending: Facade,
 
 def _faces(site: Site, boxes: Boxes, rows: np.ndarray, facade: Facade,
            side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Give centres, outward normal, widths and half lengths of the ends of bricks [m]."""
+    """Compute centres, normal, widths and half lengths of the end faces of bricks [m]."""
     axis = facade.quarter % 2
     normal = np.zeros(3)
     normal[axis] = side if facade.quarter < 2 else -side
@@ -125,7 +125,7 @@ def _faces(site: Site, boxes: Boxes, rows: np.ndarray, facade: Facade,
 
 
 def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
-    """Bond bricks that lie over each other across two frames, by the true overlap."""
+    """Bond bricks of successive courses in two frames, by the true overlap of their beds."""
     if not pairs:
         return
     pair = np.array(pairs)
@@ -152,7 +152,7 @@ def _beds(site: Site, boxes: Boxes, pairs: list[tuple[int, int]]) -> None:
 
 
 def _outlines(site: Site, boxes: Boxes, rows: np.ndarray) -> np.ndarray:
-    """Give the corners of bricks in plan, counter-clockwise [m], (n, 4, 2)."""
+    """Return the outlines of bricks in plan, counter-clockwise [m], (n, 4, 2)."""
     low, high = boxes.low[rows] / MICRO, boxes.high[rows] / MICRO
     x = np.stack([low[:, 0], high[:, 0], high[:, 0], low[:, 0]], axis=1)
     y = np.stack([low[:, 1], low[:, 1], high[:, 1], high[:, 1]], axis=1)

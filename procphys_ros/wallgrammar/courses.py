@@ -24,12 +24,12 @@ from procphys_ros.wallgrammar import cutting
 
 class Ledge(NamedTuple):
     """
-    A stretch over which a course of slivers is left out, and the next one reaches through.
+    Stretch where a course of slivers is left out, and the next course takes its place.
 
     :ivar level: edge of the cells of both courses [m].
-    :ivar up: whether the next one is the upper one.
-    :ivar left, right: from where to where it reaches through [m].
-    :ivar limit: how far it reaches at most [m].
+    :ivar up: whether the next course is the upper one.
+    :ivar left, right: ends of the stretch [m].
+    :ivar limit: level to which the next course extends at most [m].
     """
 
     level: float
@@ -63,9 +63,9 @@ class Courses:
 
     def stretches(self, row: int, outline: np.ndarray, ledges: list[Ledge]) -> list[np.ndarray]:
         """
-        Part a brick, or a piece of one, at ledges: what it leaves out, and where it reaches on.
+        Split a brick, or a piece of one, at ledges, into stretches that are dropped or extended.
 
-        :param row: which brick.
+        :param row: index of the brick.
         :param outline: convex, (n, 2).
         :param ledges: those that may touch it.
         """
@@ -92,13 +92,13 @@ class Courses:
         return found
 
     def least(self, rows: np.ndarray) -> float:
-        """Give the height below which bricks are slivers: a quarter of a course [m]."""
+        """Return the height below which bricks are slivers, a quarter of a course [m]."""
         height = float(np.median(self.high[rows, 1] - self.low[rows, 1]))
         return float(np.clip(0.25 * height, 0.012, 0.05))
 
 
 def _grown(part: np.ndarray, ledges: list[Ledge]) -> np.ndarray:
-    """Let a rectangle reach on as far as ledges let it."""
+    """Extend a rectangle to the limits of its ledges."""
     low, high = part.min(axis=0), part.max(axis=0)
     if not ledges or cutting.area(part) < (1.0 - 1e-6) * float((high - low).prod()):
         return part

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cutting: bricks beside and under arches, cut to the outline of what stands there."""
+"""Cutting: bricks beside and under arches, cut to outlines."""
 
 from typing import NamedTuple
 
@@ -22,15 +22,15 @@ from procphys_ros.elementary import hypot
 from procphys_ros.linear import product
 from procphys_ros.wallgrammar.polygons import moments
 
-_ROUND = 0.0015  # [m] by which a corner may be cut off, so that a piece has four
+_ROUND = 0.0015  # [m] of a corner that may be cut off, to leave a piece with four
 _NARROW = 0.005  # [m] thinner pieces are left out: mortar fills their place
-_NOTHING = 1e-7  # [m²] smaller overlaps are none
-_STEEP = 1.0     # rise over run beyond which a side is fitted sideways, not up and down
+_NOTHING = 1e-7  # [m²] smaller overlaps do not count
+_STEEP = 1.0     # rise over run beyond which a side is fitted sideways, not vertically
 
 
 class Zone(NamedTuple):
     """
-    What lies outside one side of a convex outline; zones of an outline fill all around it.
+    Region outside one side of a convex outline; the zones of an outline fill its exterior.
 
     :ivar planes: half planes whose intersection it is, rows a b c of a·x + z·b <= c [m], (3, 3);
         the first one is the side.
@@ -43,10 +43,10 @@ class Zone(NamedTuple):
 
 class Gap(NamedTuple):
     """
-    A place that bricks make room for.
+    Region that bricks make room for.
 
-    :ivar outline: what stays clear of them, convex, counter-clockwise [m], (n, 2).
-    :ivar inside: what bricks inside of it stay in, likewise; None = there are none.
+    :ivar outline: region without bricks, convex, counter-clockwise [m], (n, 2).
+    :ivar inside: region of the bricks inside of it, likewise; None = there are none.
     """
 
     outline: np.ndarray
@@ -54,13 +54,13 @@ class Gap(NamedTuple):
 
 
 def rectangles(low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Give the outlines of boxes, counter-clockwise, (n, 4, 2), of corners (n, 2)."""
+    """Return the outlines of boxes, counter-clockwise, (n, 4, 2), from corners (n, 2)."""
     return np.stack([low, np.column_stack([high[:, 0], low[:, 1]]), high,
                      np.column_stack([low[:, 0], high[:, 1]])], axis=1)
 
 
 def polygon(planes: np.ndarray) -> np.ndarray:
-    """Give the corners, counter-clockwise, of what half planes have in common, (n, 2)."""
+    """Compute the intersection of half planes, a counter-clockwise polygon, (n, 2)."""
     far = 2.0 * float(np.abs(planes[:, 2]).max()) + 1e3
     return without(within(far * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]),
                           planes), 1e-6)
@@ -73,7 +73,7 @@ def is_steep(way: np.ndarray) -> bool:
 
 def zones(outline: np.ndarray) -> list[Zone]:
     """
-    Part what is outside of a convex outline, counter-clockwise, by level and upright rays.
+    Partition the exterior of a convex, counter-clockwise outline by level and upright rays.
 
     Rays go out from its corners: upright ones where it is shallow, level ones where it is steep.
     """
@@ -98,7 +98,7 @@ def zones(outline: np.ndarray) -> list[Zone]:
 
 
 def half_planes(outline: np.ndarray) -> np.ndarray:
-    """Give the half planes of a convex outline, counter-clockwise, (n, 3)."""
+    """Compute the half planes of a convex, counter-clockwise outline, (n, 3)."""
     ways = np.roll(outline, -1, axis=0) - outline
     normals = np.column_stack([ways[:, 1], -ways[:, 0]]) / hypot(*ways.T)[:, None]
     return np.column_stack([normals, (normals * outline).sum(axis=1)])
@@ -124,7 +124,7 @@ def within(outline: np.ndarray, planes: np.ndarray) -> np.ndarray:
 
 
 def area(outline: np.ndarray) -> float:
-    """Give the area of an outline, counter-clockwise [m²]."""
+    """Compute the area of a counter-clockwise outline [m²]."""
     return moments(outline)[0] if len(outline) > 2 else 0.0
 
 
@@ -134,18 +134,18 @@ def overlaps(outline: np.ndarray, planes: np.ndarray) -> bool:
 
 
 def strip(outline: np.ndarray, left: float, right: float) -> np.ndarray:
-    """Cut an outline between two upright lines."""
+    """Clip an outline to the strip between two upright lines."""
     return within(outline, np.array([[-1.0, 0.0, -left], [1.0, 0.0, right]]))
 
 
 def around(outline: np.ndarray, sides: list[Zone], least: float, joint: float
            ) -> list[np.ndarray]:
     """
-    Part the outline of a brick into what lies in each zone; slivers go to the piece beside them.
+    Split the outline of a brick by zones; slivers are merged with the piece beside them.
 
     :param sides: zones in their order around the gap.
     :param least: width below which a piece is a sliver [m].
-    :param joint: [m]; an eighth of it may be lost on an average where slivers are given away.
+    :param joint: [m]; merging a sliver may lose an eighth of it on average.
     """
     pieces: list[np.ndarray] = []
     last: Zone | None = None
@@ -166,7 +166,7 @@ def around(outline: np.ndarray, sides: list[Zone], least: float, joint: float
 
 def _merged(outline: np.ndarray, pair: tuple[Zone, Zone], pieces: tuple[np.ndarray, np.ndarray],
             least: float, joint: float) -> tuple[np.ndarray, Zone] | None:
-    """Go on with the side of one of two zones, if nothing is lost, or the other is a sliver."""
+    """Merge the pieces of two zones along one side, if nothing is lost or one is a sliver."""
     along = np.abs(pair[0].planes[2, :2])
     thin = min(float(np.ptp(product(piece, along))) for piece in pieces)
     most = _NOTHING + (0.125 * joint * thin if thin < least else 0.0)
@@ -181,7 +181,7 @@ def _merged(outline: np.ndarray, pair: tuple[Zone, Zone], pieces: tuple[np.ndarr
 
 def quads(outline: np.ndarray) -> list[np.ndarray]:
     """
-    Part a convex outline into pieces with four corners, and leave out what is too thin to lay.
+    Split a convex outline into quadrilaterals, without those too thin to lay.
 
     :param outline: counter-clockwise, (n, 2).
     :returns: outlines of four corners each; the last one twice for a triangle.
@@ -206,7 +206,7 @@ def quads(outline: np.ndarray) -> list[np.ndarray]:
 
 
 def _worth(halves: list[np.ndarray]) -> tuple[int, float]:
-    """Rate a way to part an outline: few corners, and no half thin."""
+    """Rate a split of an outline: few corners first, then no thin half."""
     halves = [without(half, 1e-6) for half in halves]
     if min(map(len, halves)) < 3:
         return (-100, 0.0)
@@ -220,7 +220,7 @@ def _half(outline: np.ndarray, axis: int, sign: float, line: float) -> np.ndarra
 
 
 def without(outline: np.ndarray, distance: float) -> np.ndarray:
-    """Drop corners that lie on others, or on the line between their neighbours."""
+    """Drop corners that coincide with others, or lie on the line between their neighbours."""
     kept = outline
     changed = True
     while changed and len(kept) > 2:
@@ -235,7 +235,7 @@ def without(outline: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _thinnest(outline: np.ndarray) -> float:
-    """Give the least width across any of the sides."""
+    """Compute the least width of an outline across any of its sides [m]."""
     way = np.roll(outline, -1, axis=0) - outline
     normal = np.column_stack([-way[:, 1], way[:, 0]]) / hypot(*way.T)[:, None]
     return float(np.ptp(product(outline, normal.T), axis=0).min())

@@ -37,7 +37,7 @@ from procphys_ros.wallgrammar.spec import (
     Successor,
 )
 
-_DEEPEST = 64          # rules inside rules
+_DEEPEST = 64          # nesting of rules
 _MOST_STEPS = 100_000  # rules, divisions and panels of one building
 _HEAVIEST = 1e12       # weight of a rule; sums stay finite
 _LARGEST = 1e6         # [m] border, insert or extrusion: more than the longest facade
@@ -45,10 +45,10 @@ _LARGEST = 1e6         # [m] border, insert or extrusion: more than the longest 
 
 class Scope(NamedTuple):
     """
-    A rectangle of the facade.
+    Rectangle of the facade.
 
     :ivar left, bottom, right, top: [µm].
-    :ivar depth: how far it stands inwards of the facade plane [µm].
+    :ivar depth: distance inwards from the facade plane [µm].
     """
 
     left: int
@@ -60,7 +60,7 @@ class Scope(NamedTuple):
 
 class Piece(NamedTuple):
     """
-    A panel of the derived facade, and where the text names it.
+    Panel of the derived facade, and its place in the text.
 
     :ivar numbers: values of `Panel.numbers`.
     """
@@ -86,7 +86,7 @@ class Deriver:
     :ivar spec: rules and panels.
     :ivar values: values of the building's parameters.
     :ivar generator: draws weighted rules and random numbers.
-    :ivar applied: rules, divisions and panels so far, on all facades.
+    :ivar applied: number of rules, divisions and panels so far, on all facades.
     """
 
     spec: Spec
@@ -102,7 +102,7 @@ class Deriver:
         :param length: of the facade [µm].
         :param height: [µm].
         :returns: panels, in the order of the text.
-        :raises GrammarError: for rules that call each other without end, and too many divisions.
+        :raises GrammarError: for endless recursion of rules, and too many divisions.
         """
         pieces: list[Piece] = []
         tasks = [_Task(start, Scope(0, 0, length, height), self.values, 0)]
@@ -213,7 +213,7 @@ class Deriver:
 
     def _choose(self, rules: list[Rule], arguments: list[float], call: Call,
                 task: _Task) -> Rule:
-        """Take the first rule whose condition holds; draw among weighted ones that follow it."""
+        """Choose the first rule whose condition holds; draw among weighted ones that follow it."""
         drawn: list[tuple[Rule, float]] = []
         for rule in rules:
             inner = task._replace(values={**self.values, **dict(zip(rule.parameters, arguments))})

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Division: how sizes share a length, with the semantics of CGA's split."""
+"""Division: sharing of a length among sizes, with the semantics of CGA's split."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -31,12 +31,12 @@ _ROUNDING = 1e-4  # [m] by which parts may be longer than what they fill
 @dataclass(frozen=True)
 class Share:
     """
-    One part that wants a size.
+    Part of a division, with its requested size.
 
     :ivar kind: 'absolute' [m], 'relative' (fraction of the whole) or 'floating' (weight).
     :ivar size: amount.
-    :ivar content: what the part is for.
-    :ivar place: where it is written.
+    :ivar content: of the part.
+    :ivar place: in the text.
     """
 
     kind: str
@@ -54,7 +54,7 @@ class Repeated:
 
 
 def nominal(shares: 'tuple[Share | Repeated, ...]', length: float) -> float:
-    """Add up what parts would like to have [m]; a repeat counts once."""
+    """Sum the requested sizes of parts [m]; a repeat counts once."""
     total = 0.0
     for share in shares:
         if isinstance(share, Repeated):
@@ -65,7 +65,7 @@ def nominal(shares: 'tuple[Share | Repeated, ...]', length: float) -> float:
 
 
 def _size(share: Share, length: float) -> float:
-    """Give what a part would like to have: a weight, or metres of a scope of some length."""
+    """Compute the requested size of a part in a scope: a weight, or a length [m]."""
     if not 0.0 <= share.size <= _LARGEST:
         raise share.place.error(f'a size must be from 0 to {_LARGEST:g}, found {share.size:g}')
     return share.size * length if share.kind == 'relative' else share.size
@@ -73,11 +73,11 @@ def _size(share: Share, length: float) -> float:
 
 def unroll(shares: 'tuple[Share | Repeated, ...]', length: float) -> list[Share]:
     """
-    Write repeats out, each as often as comes nearest to filling what the other parts leave.
+    Expand repeats, each to the count that best fills the length left by the other parts.
 
     :param shares: parts, in order.
     :param length: of the scope [m].
-    :raises GrammarError: for a repeat of nothing, or of far too many parts.
+    :raises GrammarError: for an empty repeat, or one of too many parts.
     """
     fixed = nominal(tuple(s for s in shares if not isinstance(s, Repeated)), length)
     repeats = [s for s in shares if isinstance(s, Repeated)]
@@ -110,7 +110,7 @@ def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[in
     Cut a length into parts.
 
     Absolute and relative parts come first; floating parts share what is left by weight, and are
-    dropped when nothing is left. What sticks out is clipped.
+    dropped when nothing is left. Parts that stick out are clipped.
 
     :param shares: parts, in order.
     :param length: of the scope [µm].

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Fitting: where bricks beside an arch end, so that none of them is a sliver."""
+"""Fitting: the ends of bricks beside an arch, moved so that none is a sliver."""
 
 from dataclasses import dataclass
 
@@ -23,19 +23,19 @@ from procphys_ros.wallgrammar import cutting, ledges
 from procphys_ros.wallgrammar.courses import Courses, Ledge
 from procphys_ros.wallgrammar.cutting import Gap, Zone
 
-_LONGEST = 1.3   # of the longest unit: what a brick may reach that takes in a sliver beside it
+_LONGEST = 1.3   # of the longest unit: greatest length of a brick that absorbs a sliver beside it
 _EVEN = 1e-6     # [m]
-_MISSED = 0.004  # [m] of a course that the side of a gap may not reach along
+_MISSED = 0.004  # [m] of a course's height that the side of a gap may miss
 
 
 def ends(courses: Courses, outline: np.ndarray, inside: bool) -> tuple[np.ndarray, np.ndarray]:
     """
-    Move perpends away from the steep sides of a gap, so that no narrow pieces are beside it.
+    Move perpends away from the steep sides of a gap, so that no narrow pieces remain beside it.
 
     :param outline: of the gap, convex, counter-clockwise [m], (n, 2).
     :param inside: whether bricks stand inside of it, or around it.
-    :returns: left and right ends of all bricks [m], (n,), ends beyond each other for those that
-        their neighbours take in.
+    :returns: left and right ends of all bricks [m], (n,); left beyond right for bricks that
+        their neighbours absorb.
     """
     left, right = courses.low[:, 0].copy(), courses.high[:, 0].copy()
     foot, head = outline[:, 1].min(), outline[:, 1].max()
@@ -59,7 +59,7 @@ def ends(courses: Courses, outline: np.ndarray, inside: bool) -> tuple[np.ndarra
 
 def _side(outline: np.ndarray, band: np.ndarray, sign: float, inside: bool
           ) -> tuple[float, float, float] | None:
-    """Say from where to where the side of masonry runs in a course, masonry on its left."""
+    """Find the near and far end of a gap's side in a course, and the course's height [m]."""
     flipped = outline * [sign, 1.0]
     if sign < 0.0:
         flipped = flipped[::-1]
@@ -104,14 +104,14 @@ def _move(left: np.ndarray, right: np.ndarray, near: float, far: float, height: 
 @dataclass(frozen=True)
 class Fit:
     """
-    How the bricks of a wall meet one gap.
+    Fit of the bricks of a wall to one gap.
 
-    :ivar gap: what they make room for.
-    :ivar left, right: where bricks around it end [m], (n,).
-    :ivar inner_left, inner_right: where bricks inside of it end [m], (n,).
+    :ivar gap: region that they make room for.
+    :ivar left, right: ends of the bricks around it [m], (n,).
+    :ivar inner_left, inner_right: ends of the bricks inside of it [m], (n,).
     :ivar above, aside, within: ledges over it, under its skewbacks, and inside.
-    :ivar sides: zones around it, and which of them the ledges belong to.
-    :ivar touched: which bricks it may change, (n,) bool.
+    :ivar sides: groups of zones around it, each with its ledges.
+    :ivar touched: mask of the bricks that it may change, (n,) bool.
     """
 
     gap: Gap
@@ -158,7 +158,7 @@ class Fit:
         return cls(gap, left, right, *inner, above, aside, inside, groups, touched)
 
     def around(self, courses: Courses, row: int, outline: np.ndarray) -> list[np.ndarray]:
-        """Part the outline of a brick, or of a piece of one, that lies around the gap."""
+        """Split the outline of a brick, or of a piece of one, around the gap."""
         least = courses.least(np.array([row]))
         found = []
         for sides, its_ledges in self.sides:
@@ -167,7 +167,7 @@ class Fit:
         return found
 
     def inside(self, courses: Courses, row: int) -> list[np.ndarray]:
-        """Give the pieces of a brick that lie inside of the gap."""
+        """Return the pieces of a brick inside the gap."""
         if self.gap.inside is None or self.inner_left[row] >= self.inner_right[row]:
             return []
         outline = cutting.rectangles(
