@@ -116,7 +116,7 @@ def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch],
     Cut bricks to the arches among them; pieces of one brick stay one member.
 
     :param site: receives the corners of cut bricks.
-    :param facade: in its frame the bricks lie.
+    :param facade: whose frame the bricks lie in.
     :param boxes: bricks.
     :param found: arches of the facade.
     :param layout: of the bricks.

@@ -66,7 +66,7 @@ class Site:
         """
         Check the bound on parts before memory is allocated for them.
 
-        :param parts: number about to be added.
+        :param parts: number to be added.
         :raises GrammarError: when they are too many.
         """
         if self.count + parts > self.most_parts:

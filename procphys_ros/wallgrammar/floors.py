@@ -56,9 +56,9 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     :param level: upper side of the joists [µm], on a course.
     :param walls: of the facades, in their order; pockets are cut into them.
     :param partitions: walls inside, likewise.
-    :param rooms: where boards go.
+    :param rooms: to be boarded.
     :param place: of the floor or roof in its text.
-    :raises GrammarError: when joists meet openings whichever way they run.
+    :raises GrammarError: when joists meet openings in both directions.
     """
     first = span_axis(plan)
     problems = []
@@ -84,7 +84,7 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
 
 def joist_height(bay: Bay, axis: int, gauge: int) -> int:
     """
-    Give the height of joists across a bay, in whole courses [µm].
+    Compute the height of joists across a bay, in whole courses [µm].
 
     :param axis: along which they run.
     :param gauge: height of a course [µm].
@@ -115,7 +115,7 @@ def _joists(site: Site, plan: Footprint, level: int, axis: int, walls: Sequence[
 
 
 def _problem(wall: Elevation, left: int, bottom: int, right: int, top: int) -> str | None:
-    """Say what is in the way of a joist, if anything is."""
+    """Describe the obstacle in the way of a joist; None when there is none."""
     panel = wall.obstacle(left, bottom, right, top)
     if panel is None and wall.covers(left, bottom, right, top):
         return None

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Footprint: the polygon a building stands on, its edges as facades and how they meet."""
+"""Footprint: the ground polygon of a building, its edges as facades, and their corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,7 +39,7 @@ _SHARPEST = 25.0  # [degrees] smallest angle between two facades, inside or outs
 @dataclass(frozen=True)
 class Corner:
     """
-    Where the wall of a facade ends, measured outwards from the end of its edge [µm].
+    End of a facade's wall, measured outwards from the end of its edge [µm].
 
     :ivar owned: in courses in which this facade fills the corner.
     :ivar yielded: in courses in which its neighbour does.
@@ -64,7 +64,7 @@ class Facade:
     :ivar frame: index of the frame.
     :ivar quarter: direction of the edge in its frame, in quarter turns.
     :ivar origin: start of the edge in its frame [µm], (2,).
-    :ivar start, end: how the wall ends.
+    :ivar start, end: ends of the wall.
     """
 
     length: int
@@ -133,14 +133,14 @@ class Footprint:
 def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place],
          known: Sequence[float] = ()) -> Footprint:
     """
-    Say where the walls of a footprint end at its corners.
+    Make the facades of a footprint, and the ends of their walls at its corners.
 
     :param points: corners that have passed `check` [m], (n, 2).
     :param thickness: of the walls [µm].
     :param joint: between walls that meet [µm].
     :param places: of the corners, for errors.
-    :param known: turns of the frames that there are already [rad].
-    :raises GrammarError: for walls that have no room.
+    :param known: yaws of the existing frames [rad].
+    :raises GrammarError: for edges too short for their walls, and corners too sharp.
     """
     closed = len(points) > 2
     edges = np.roll(points, -1, axis=0) - points if closed else points[1:] - points[:1]
@@ -171,7 +171,7 @@ def read(points: np.ndarray, thickness: int, joint: int, places: Sequence[Place]
 
 def check(points: np.ndarray, places: Sequence[Place]) -> None:
     """
-    Refuse what is no footprint.
+    Check that corners form a footprint.
 
     :param points: corners [m], (n, 2).
     :param places: of the corners, for errors.
@@ -217,7 +217,7 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
 def square_up(points: np.ndarray, yaw: float | None,
               others: Sequence[tuple[np.ndarray, np.ndarray]] = ()) -> np.ndarray:
     """
-    Turn the edges of a plan that is nearly right-angled in parallel, about their middles.
+    Square up a nearly right-angled plan, by turning its edges about their middles.
 
     Edges that touch those of an earlier plan stay with them. A plan with edges more than two
     degrees off is returned as it is.
@@ -256,12 +256,12 @@ def square_up(points: np.ndarray, yaw: float | None,
 
 
 def _off_square(angles: np.ndarray) -> np.ndarray:
-    """Give by how much angles differ from the nearest right one [rad]."""
+    """Compute the deviation of angles from the nearest right angle [rad]."""
     return angles - 0.5 * np.pi * np.rint(angles / (0.5 * np.pi))
 
 
 def _touching(points: np.ndarray, others: np.ndarray) -> list[tuple[int, int]]:
-    """List pairs of edges of two plans that lie on each other."""
+    """List pairs of edges of two plans that touch along a length."""
     found = []
     for i, (a, b) in enumerate(zip(points, np.roll(points, -1, axis=0))):
         for j, (c, d) in enumerate(zip(others, np.roll(others, -1, axis=0))):
@@ -275,7 +275,7 @@ def _touching(points: np.ndarray, others: np.ndarray) -> list[tuple[int, int]]:
 
 
 def _crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Find pairs of edges that touch though they are no neighbours, (k, 2), in order."""
+    """Find pairs of edges that touch but are not neighbours, (k, 2), in order."""
     first, second = np.triu_indices(len(points), 2)
     apart = (second + 1) % len(points) != first
     first, second = first[apart], second[apart]
@@ -311,7 +311,7 @@ def _frames(angles: np.ndarray,
 
 
 def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tuple[int, int]]:
-    """Express edge starts in their frames, coordinates equal where only rounding differs."""
+    """Express edge starts in their frames [µm]; coordinates that differ by rounding merge."""
     out = np.zeros((len(frame), 2), np.int64)
     for f, yaw in enumerate(yaws):
         c, s = cos(yaw), sin(yaw)
@@ -327,7 +327,7 @@ def _origins(points: np.ndarray, yaws: np.ndarray, frame: np.ndarray) -> list[tu
 
 
 def _exact_length(facade: Facade, following: Facade) -> int:
-    """Measure an edge between whole micrometres where both ends lie in one frame."""
+    """Compute an edge's length [µm], exactly where both its ends lie in one frame."""
     if facade.frame != following.frame:
         return facade.length
     a = facade.quarter % 2
@@ -336,10 +336,10 @@ def _exact_length(facade: Facade, following: Facade) -> int:
 
 def _corner(turn: float, thickness: int, joint: int) -> tuple[Corner, Corner]:
     """
-    Say how the facade that ends and the one that starts share a corner.
+    Compute how the ending and the starting facade share a corner.
 
-    At right angles one of them fills the square that both would cover, in turn. At other angles
-    the one runs up to the corner and the other ends where it clears it; the wedge between them is
+    At right angles they fill the square that both would cover in alternate courses. At other
+    angles one runs up to the corner and the other ends clear of it; the wedge between them is
     mortar.
     """
     quarter = turn / (0.5 * np.pi)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Gables: a roof between two walls that are carried on up to it."""
+"""Gables: a roof between two walls that continue up to it."""
 
 from dataclasses import replace
 
@@ -27,7 +27,7 @@ from procphys_ros.wallgrammar.slopes import Slope
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
 
-RIDGE_ROOM = 12_000   # [µm] beside the ridge board in its pocket: it rests there, no more
+RIDGE_ROOM = 12_000   # [µm] beside the ridge board in its pocket, where it only rests
 _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
 _NEAR = 60_000        # [µm] walls this near to a gable leave no room for its boards
@@ -68,10 +68,10 @@ class GableRoof(Roof):
 
     def abutments(self, slope: Slope) -> list[list[tuple[float, float]]]:
         """
-        Say where other bodies stand against the gables.
+        Find the stretches of the gables that other bodies stand against.
 
-        :returns: for either end of the eaves, the first at -length, stretches in plan that are
-            taken, measured from the eaves [m].
+        :returns: for either end of the eaves, the first at -length, occupied stretches in plan,
+            measured from the eaves [m].
         """
         axis, across = self.axis, 1 - self.axis
         first = self.site.frames[0][3:]
@@ -95,7 +95,7 @@ class GableRoof(Roof):
 
     def _gable_wall(self, wall: Elevation, seat: int, top: int, half: int, start: int = 0,
                     end: int | None = None) -> None:
-        """Carry the courses of a wall, or a stretch of it, on under the roof."""
+        """Continue the courses of a wall, or a stretch of it, up to the roof."""
         length = (wall.facade.length if end is None else end) - start
         first = self.height // self.gauge
         peak = micro(self.eaves + 0.5 * length / MICRO * tan(self.pitch)) // self.gauge

@@ -16,7 +16,7 @@
 
 from procphys_ros.language import EXPRESSION_GRAMMAR
 
-# A name with a colon behind it is a key, where a key may stand: that ends the values before it.
+# A name followed by a colon is a key, where a key is allowed: it ends the values before it.
 WALL_GRAMMAR = r"""
 start: (include | building | wing | rule | panel | material | layout)+
 include: "include" FILE
@@ -56,7 +56,7 @@ _EQUALS: "="
 %ignore /#[^\n]*/
 """ + EXPRESSION_GRAMMAR
 
-# What a user calls the terminals.
+# Names of the terminals in messages.
 WALL_WORDS = {
     'KEY': 'a key with ":"', '_COLON': '":"', '_ARROW': '"->"', '_BAR': '"|"', '_QUOTE': '"\'"',
     '_TILDE': '"~"', '_EQUALS': '"="', 'LBRACE': '"{"', 'RBRACE': '"}"',

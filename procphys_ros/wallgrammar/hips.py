@@ -108,7 +108,7 @@ class HipRoof(Roof):
             self._block(axis, end, middle, bottom, crest)
 
     def _apex_level(self) -> int:
-        """Give the underside of the blocks that close apexes [µm]."""
+        """Compute the level of the underside of the blocks that close apexes [µm]."""
         # Over the hip boards, or in flat roofs over the tiles beside the ridge and the hip caps.
         lowest = self.span * tan(self.pitch) + 0.005 + max(
             self.depth / cos(self.pitch), (self.depth + COVER) * cos(self.pitch),
@@ -117,7 +117,7 @@ class HipRoof(Roof):
         return micro(self.eaves + lowest)
 
     def _block(self, axis: int, end: int, middle: int, bottom: int, crest: float) -> int:
-        """Close an apex; give the part."""
+        """Close an apex with a block; return its part index."""
         wide, crown = micro(APEX), micro(self.eaves + crest + _CAP[2])
         block = self._box(axis, (end - wide, end + wide), (middle - wide, middle + wide), bottom,
                           crown, 0, 'tile')
@@ -135,7 +135,7 @@ class HipRoof(Roof):
                    (2.0 * _POST, 2.0 * _POST), np.array([[0.5, 0.5 * _CAP[2]]]))
 
     def _strut(self, axis: int) -> None:
-        """Set struts between the ties, that hold the plates below the hipped ends."""
+        """Set struts between the ties, to hold the plates below the hipped ends."""
         across = 1 - axis
         low, high = int(self.low[across]), int(self.high[across])
         places = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]

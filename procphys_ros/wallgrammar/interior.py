@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Interior: floors, partitions and roof of a building, by the words of its grammar."""
+"""Interior: floors, partitions and roof of a building, by the keywords of its grammar."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -44,12 +44,12 @@ _PARTITIONS = {'none': (), 'halves': ((1.0, 100.0),)}
 @dataclass
 class Interior:
     """
-    Builds everything that stands behind the facades, then the facades with room for it.
+    Builds everything behind the facades, then the facades with room for it.
 
     :ivar site: takes the parts.
     :ivar plan: the footprint.
     :ivar walls: of the facades.
-    :ivar building: what the text asks for.
+    :ivar building: its definition in the text.
     :ivar storeys: number of storeys.
     :ivar storey_height: [m].
     :ivar deriver: evaluates expressions.
@@ -69,7 +69,7 @@ class Interior:
         """
         Build all parts.
 
-        :raises GrammarError: for unknown words, and for what the footprint cannot carry.
+        :raises GrammarError: for unknown keywords, and for parts that do not fit the footprint.
         """
         floors, depth = self._read(self.building.floors, 'floors', _FLOORS)
         roof, pitch = self._read(self.building.roof, 'roof', _ROOFS)
@@ -119,7 +119,7 @@ class Interior:
             timber_floor(self.site, self.plan, level, self.walls, inner, rooms, place)
 
     def _floor_depth(self, floors: str, depth: int) -> int:
-        """Give how far floors reach below their level [µm], of joists along the shorter side."""
+        """Compute the depth of floors below their level [µm], of joists along the shorter side."""
         layout = self.walls[0].layout
         if floors != 'timber':
             return -int(snap_level(-depth, layout)) if floors == 'slab' else 0
@@ -129,7 +129,7 @@ class Interior:
 
     def _read(self, call: Call | None, key: str,
               table: dict[str, tuple[tuple[float, float], ...]]) -> tuple[str, float]:
-        """Read a word with its number; the table gives words and the bounds of their numbers."""
+        """Read a keyword with its number; the table holds keywords and bounds of their numbers."""
         if call is None or call.name == 'none':
             return 'none', 0.0
         if call.name not in table:
@@ -151,7 +151,7 @@ class Interior:
         return call.name, value
 
     def _check_plan(self, call: Call, key: str) -> None:
-        """Refuse plans that no timber fits."""
+        """Check that timber fits the plan: closed, with right angles only."""
         if len(self.plan.facades) < 3:
             raise call.place.error(f'{key}: {call.name} needs a closed footprint, found a free '
                                    f'wall; use none here')
@@ -169,7 +169,7 @@ class Interior:
         rooms = rooms_of(self.plan, self.walls[0].layout.thickness)
         if partitions == 'none':
             return rooms, []
-        # No room with its walls stays larger than this, and each but the first comes with a wall,
+        # No room with its walls stays larger than this, and each but the first adds a wall,
         # of which doors take less than half.
         widest = 2 * (micro(least) + layout.thickness)
         bricks = 0.5 * levels[-1] / layout.gauge / layout.pitch  # per length of wall
@@ -180,7 +180,7 @@ class Interior:
         return rooms, elevations(between, layout, levels, depth, self.building.place)
 
     def _set_back(self) -> int:
-        """Give how far panels of the facades stand out into rooms [µm]."""
+        """Return the largest projection of facade panels into rooms [µm]."""
         return max((scope.depth for wall in self.walls for scope in wall.set_back()), default=0)
 
     def _divide(self, call: Call, pitch: float) -> stems.Division:

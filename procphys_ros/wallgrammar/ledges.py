@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Ledges: where a course would be a sliver over an arch, and the next one reaches through."""
+"""Ledges: stretches over an arch where the next course replaces a course of slivers."""
 
 from collections.abc import Iterator
 
@@ -30,8 +30,8 @@ def over(courses: Courses, left: np.ndarray, right: np.ndarray, outline: np.ndar
     Find ledges over an arch, or under the skewbacks of an arch.
 
     :param left, right: ends of the bricks [m], (n,).
-    :param outline: what bricks stay clear of.
-    :param up: over it, or under it.
+    :param outline: region that bricks stay clear of.
+    :param up: whether over it, or under it.
     """
     return list(_ledges(courses, left, right, outline, up, False))
 
@@ -74,16 +74,16 @@ def _ranges(left: np.ndarray, right: np.ndarray, rows: np.ndarray, sign: float) 
 
 def _chain(outline: np.ndarray, turn: float, sign: float, up: bool, inside: bool
            ) -> np.ndarray | None:
-    """Give the side of an outline that rises to the right, mirrored if need be, (n, 2)."""
+    """Return the side of an outline that rises to the right, mirrored if necessary, (n, 2)."""
     points = outline * [sign, turn]
     if sign * turn < 0.0:
         points = points[::-1]  # counter-clockwise again
     ways = np.roll(points, -1, axis=0) - points
-    if inside:  # masonry was below a falling line, left of it nothing: now over a rising one
+    if inside:  # masonry below a falling line, with none left of it, is now over a rising one
         chosen = (ways[:, 0] > 0.0) & (ways[:, 1] >= 0.0)
     else:
         chosen = (ways[:, 0] < 0.0) & (ways[:, 1] <= 0.0)
-    if not up and not inside:  # skewbacks only: what is between them is no masonry
+    if not up and not inside:  # skewbacks only: there is no masonry between them
         chosen &= ways[:, 1] < -_EVEN
     rows = np.flatnonzero(chosen)
     if not len(rows):
@@ -96,7 +96,7 @@ def _chain(outline: np.ndarray, turn: float, sign: float, up: bool, inside: bool
 def _start(chain: np.ndarray, level: float, short: np.ndarray, tall: np.ndarray, joint: float,
            least: float) -> float | None:
     """
-    Say from where on a course is a sliver over a line that rises to the right.
+    Find where a course becomes a sliver over a line that rises to the right [m].
 
     :param chain: the line, (n, 2).
     :param level: top of the course.
@@ -135,7 +135,7 @@ def _start(chain: np.ndarray, level: float, short: np.ndarray, tall: np.ndarray,
 
 def _stretches(outline: np.ndarray, starts: list[float | None], level: float, up: bool,
                inside: bool) -> Iterator[Ledge]:
-    """Turn where ledges start, from the left and from the right, into stretches."""
+    """Convert the starts of ledges, from the left and from the right, into stretches."""
     a, b = starts
     ends = [outline[:, 0].min(), outline[:, 0].max()]
     middle = 0.5 * (ends[0] + ends[1])

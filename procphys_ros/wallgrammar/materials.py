@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Materials: strengths and stiffness of what parts are made of, and of what joins them."""
+"""Materials: strengths and stiffness of parts, and of what joins them."""
 
 from dataclasses import dataclass, fields
 
@@ -49,7 +49,7 @@ NUMBERS = tuple(f.name for f in fields(Material) if f.name != 'texture')
 
 NAIL_AREA = 25e-4  # [m²] of contact that stands for one nail, see `nail` below
 
-# Known without being declared; a grammar may declare them anew, whole or in part.
+# Predefined materials; a grammar may declare them anew, whole or in part.
 DEFAULTS = {
     # Clay facing brick as laid, in common mortar: density PSI 78 (2026) 19-22 kN/m³; tension from
     # bond-wrench tests of good clay bond, 0.15-0.5 MPa; cohesion and friction DIN EN 1996-1-1/NA
@@ -79,7 +79,7 @@ DEFAULTS = {
     # A single such nail, smeared over the 25 cm² (`NAIL_AREA`) whose stiffness along it is
     # its slip modulus. Tile nails and clips hold 0.2 to 0.9 kN.
     'nail': Material(0.0, 0.12e6, 0.2e6, 0.4, 5e6, 0.7e6, 'nail'),
-    # Timbers lapped over each other and nailed as densely as above: what pulls shears the nails.
+    # Timbers lapped over each other and nailed as densely as above: tension shears the nails.
     'lap': Material(0.0, 0.5e6, 0.5e6, 0.4, 5e6, 0.7e6, 'nail'),
     # Timber that rests in a pocket of masonry, wedged and mortared in: it gives like a dry,
     # uneven bed (1 GPa/m), holds little tension, and has friction.
@@ -89,7 +89,7 @@ DEFAULTS = {
 
 def weakest(strengths: np.ndarray, rows: np.ndarray) -> np.ndarray:
     """
-    Take of several materials, column by column, the lower value.
+    Return the lowest strengths of several materials, column by column, (n, columns).
 
     :param strengths: (materials, columns).
     :param rows: materials that meet, (n, k).

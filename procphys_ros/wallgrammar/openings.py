@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Openings: what fills a panel that is not tiled: windows, doors, beams."""
+"""Openings: windows, doors and beams in panels that are not tiled."""
 
 from typing import NamedTuple
 
@@ -134,7 +134,7 @@ def _check_room(piece: Piece, left: int, right: int, bottom: int, top: int) -> N
 
 
 def _middle(depth: int, thickness: int, wanted: int) -> tuple[int, int]:
-    """Centre something in the thickness of the wall: near and far face."""
+    """Centre a depth in the thickness of the wall; return near and far face [µm]."""
     wanted = min(wanted, thickness)
     near = depth + (thickness - wanted) // 2
     return near, near + wanted

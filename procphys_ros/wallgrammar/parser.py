@@ -52,11 +52,11 @@ from procphys_ros.wallgrammar.spec import (
     Successor,
 )
 
-Node: TypeAlias = Any  # a tree; lark says of children only that they are trees or tokens
+Node: TypeAlias = Any  # a tree; lark types its children only as trees or tokens
 
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
-_DEEPEST = 32  # divisions written inside each other
+_DEEPEST = 32  # nesting of divisions
 _PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0, 'arch': 3}
 
 
@@ -71,7 +71,7 @@ def parse(text: str, source: str, folder: Path | None = None) -> Spec:
 
     :param text: the grammar.
     :param source: name for errors.
-    :param folder: where included files are looked for first; None = among the shipped ones only.
+    :param folder: searched first for included files; None = the shipped ones only.
     :raises GrammarError: where the text does not fit the language.
     """
     reader = _Reader(source, _tree(text, source))
@@ -88,7 +88,7 @@ def _tree(text: str, source: str) -> Node:
 
 
 def _include(spec: Spec, reader: '_Reader', folder: Path | None, seen: set[Path]) -> None:
-    """Take in materials, layouts and panels of other files; those that exist already win."""
+    """Merge materials, layouts and panels of included files; existing ones win."""
     for node in reader.trees['include']:
         found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
         if found is None:
@@ -225,7 +225,7 @@ class _Reader:
         return entry.children[1]
 
     def call(self, node: Node) -> Call:
-        """Read a bare name, or one with arguments, that is not arithmetic."""
+        """Read a name, with or without arguments."""
         if node.data not in ('variable', 'call'):
             raise self.place(node).error('expected a name here')
         arguments = tuple(self.expression(c, self.known) for c in node.children[1:]
@@ -251,7 +251,7 @@ class _Reader:
         kind = str(kind)
         if kind == 'arch':
             return self.arch(str(name), arguments, place)
-        # What is no such word may be a layout, of this file or of another: see `check_panel`.
+        # Any other name may be a layout, of this file or of another: see `check_panel`.
         wanted = _PANEL_KINDS.get(kind, len(arguments))
         if len(arguments) != wanted:
             names = 'one name of a material' if wanted == 1 else (

@@ -34,16 +34,16 @@ _PIER = 300_000               # [µm] least wall beside a door
 
 
 def rooms_of(plan: Footprint, thickness: int) -> list[Rectangle]:
-    """Give the rooms without partitions."""
+    """List the rooms of a plan without partitions."""
     return [bay.inner for bay in bays(plan, span_axis(plan), thickness)]
 
 
 def halve(rooms: Sequence[Rectangle], least: int,
           thickness: int) -> tuple[list[Rectangle], list[tuple[Rectangle, int]]]:
     """
-    Halve rooms across their longer side for as long as both halves keep a least extent.
+    Halve rooms across their longer side while both halves keep a least extent.
 
-    :param rooms: to start with.
+    :param rooms: initial rooms.
     :param least: extent that no room may fall below [µm].
     :param thickness: of the walls between them [µm].
     :returns: the rooms, and the walls with the axis that each runs along.
@@ -68,12 +68,12 @@ def halve(rooms: Sequence[Rectangle], least: int,
 
 
 def _moved(point: tuple[int, int], axis: int, place: int) -> tuple[int, int]:
-    """Put a point elsewhere along one axis."""
+    """Move a point to another place along one axis."""
     return (place, point[1]) if axis == 0 else (point[0], place)
 
 
 def half_brick(layout: Layout) -> Layout:
-    """Give the layout of partitions: the bricks of the facades, or pieces, in running bond."""
+    """Return the layout of partitions: bricks of the facades, or pieces, in running bond."""
     length = layout.unit[0] // layout.pieces
     return replace(layout, bond='running', offset=0.5, pieces=1, unit=(length, *layout.unit[1:]))
 
@@ -107,7 +107,7 @@ def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: S
 
 def trim(partitions: Sequence[Elevation], walls: Sequence[Elevation]) -> None:
     """
-    Let partitions end at the panels of facades that are set back into the rooms.
+    Cut partitions back to the panels of facades that are set back into the rooms.
 
     :param partitions: from `elevations`.
     :param walls: of the facades.

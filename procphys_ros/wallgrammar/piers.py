@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Piers: panels that are thicker than their wall, and how their courses are tied into it."""
+"""Piers: panels thicker than their wall, and the bond of their courses with it."""
 
 from collections.abc import Mapping, Sequence
 
@@ -28,7 +28,7 @@ from procphys_ros.wallgrammar.tiling import Leaf, LEAST
 
 def check(piece: Piece, layout: Layout, wall: Layout, facade: Facade) -> None:
     """
-    Refuse piers that leave their wall, or stand where the next wall is.
+    Check that a pier stays on its wall, and clear of the next wall.
 
     :param piece: a panel thicker than the wall.
     :param layout: of the panel.
@@ -59,7 +59,7 @@ def check(piece: Piece, layout: Layout, wall: Layout, facade: Facade) -> None:
 
 def _clearance(corner: Corner, outside: int, depth: int) -> int:
     """
-    Say how far from a corner piers of two walls cannot meet [µm].
+    Compute the distance from a corner at which piers of two walls cannot meet [µm].
 
     :param outside: how far a pier stands out from the facade [µm].
     :param depth: how far it reaches inwards from the facade [µm].
@@ -74,7 +74,7 @@ def _clearance(corner: Corner, outside: int, depth: int) -> int:
 def walls_beside(pieces: Sequence[Piece], owners: np.ndarray,
                  thick: Mapping[int, Layout]) -> np.ndarray:
     """
-    Name the class of wall that runs on through each pier in every other course.
+    Find the class of wall that runs on through each pier in every other course.
 
     :param owners: class of each panel, (n,).
     :param thick: layouts of the classes that are piers.
@@ -95,7 +95,7 @@ def walls_beside(pieces: Sequence[Piece], owners: np.ndarray,
 
 def facings(depth: int, layout: Layout, wall: Layout) -> list[Leaf]:
     """
-    Give the leaves in front of and behind a wall that runs on through a pier.
+    List the leaves in front of and behind a wall that runs on through a pier.
 
     :param depth: of the pier's outer face, inwards from the facade plane [µm].
     :param layout: of the pier.

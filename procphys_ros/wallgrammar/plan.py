@@ -34,7 +34,7 @@ class Rectangle(NamedTuple):
         return self.high[0] - self.low[0], self.high[1] - self.low[1]
 
     def within(self, margin: int) -> 'Rectangle':
-        """Give what is left beyond a margin [µm] on all sides."""
+        """Return the rectangle inside a margin [µm] on all sides."""
         return Rectangle((self.low[0] + margin, self.low[1] + margin),
                          (self.high[0] - margin, self.high[1] - margin))
 
@@ -42,7 +42,7 @@ class Rectangle(NamedTuple):
 @dataclass(frozen=True)
 class Bay:
     """
-    A rectangle of the plan between two walls, which spans reach across.
+    Rectangle of the plan between two walls, bridged by spans.
 
     :ivar outer: up to the outer faces of the two walls, and to the lines where the plan changes.
     :ivar inner: clear of all walls.
@@ -55,7 +55,7 @@ class Bay:
 
 
 def span_axis(plan: Footprint) -> int:
-    """Give the axis of the first frame along which the building is shorter."""
+    """Return the axis of the first frame along which the building is shorter."""
     extent = np.ptp(plan.corners, axis=0)
     return 0 if extent[0] < extent[1] else 1
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Polygons: where faces of solids with eight corners look at each other, and how much of them."""
+"""Polygons: overlaps of opposite faces of solids with eight corners."""
 
 from collections.abc import Sequence
 
@@ -24,13 +24,13 @@ from procphys_ros.hexahedron import faces
 from procphys_ros.linear import eigen, norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 
-_FACING = -0.94    # largest cosine between normals of faces that look at each other: 20 degrees
-_INSIDE = 0.004    # [m] by which such faces may lie in each other
-_TOUCHING = 0.0015  # [m] between what is nailed to each other; tiles lie further apart
-_LEAST = 4e-4      # [m²] smaller patches hold nothing
-_THINNEST = 0.008  # [m] narrower ones neither,
-_NARROW = 0.012    # [m] nor do these, unless a solid has no other
-_AT_ONCE = 64      # solids compared with all others at a time
+_FACING = -0.94    # largest cosine between normals of opposite faces: 20 degrees
+_INSIDE = 0.004    # [m] by which such faces may penetrate each other
+_TOUCHING = 0.0015  # [m] largest gap between nailed parts; tiles lie further apart
+_LEAST = 4e-4      # [m²] smaller patches are dropped
+_THINNEST = 0.008  # [m] narrower ones too,
+_NARROW = 0.012    # [m] and these, unless a solid has no other
+_AT_ONCE = 64      # solids compared with all others at once
 
 
 def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
@@ -38,16 +38,16 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
     """
     Find the contact polygons of some solids with each other, with all others, and the ground.
 
-    Faces that look at each other across at most `reach` meet where they overlap, seen along the
-    mean of their normals. The patch lies half way, with its principal axes, and has the extents
+    Opposite faces at most `reach` apart meet where they overlap, seen along the mean of their
+    normals. The patch lies halfway, with its principal axes, and has the extents
     of the rectangle with the same second moments over its area. Of several patches between two
     solids the widest counts.
 
     :param corners: of all solids, world [m], (N, 8, 3).
     :param chosen: solids whose contacts are wanted, (N,) bool.
     :param reach: widest joint [m].
-    :param nailed: solids that need to touch each other, for there is no mortar between two of
-        them, (N,) bool; None = there is mortar between all.
+    :param nailed: solids without mortar between two of them, which must touch each other,
+        (N,) bool; None = there is mortar between all.
     """
     pairs = _near(corners, chosen, reach)
     points, normals, middles = faces(corners)
@@ -72,7 +72,7 @@ def meet(corners: np.ndarray, chosen: np.ndarray, reach: float,
 
 
 def _wide(found: Sequence[tuple], chosen: np.ndarray) -> list[tuple]:
-    """Leave out narrow patches but those of solids that have no others."""
+    """Drop narrow patches, except those of solids that have no others."""
     wide = [bool(patch[2].min() >= _NARROW) for patch in found]
     held = ~chosen
     for patch, is_wide in zip(found, wide):
@@ -83,7 +83,7 @@ def _wide(found: Sequence[tuple], chosen: np.ndarray) -> list[tuple]:
 
 
 def _near(corners: np.ndarray, chosen: np.ndarray, reach: float) -> np.ndarray:
-    """List pairs whose bounds come near, each once, (K, 2)."""
+    """List pairs of solids whose bounds are within reach, each once, (K, 2)."""
     low, high = corners.min(axis=1) - reach, corners.max(axis=1)
     rows = np.flatnonzero(chosen)
     found = [np.zeros((0, 2), np.intp)]
@@ -102,7 +102,7 @@ def _near(corners: np.ndarray, chosen: np.ndarray, reach: float) -> np.ndarray:
 
 def _facing(pairs: np.ndarray, normals: np.ndarray, middles: np.ndarray, reach: float
             ) -> Sequence[tuple[tuple[int, int], int, int, np.ndarray, float]]:
-    """List faces that look at each other: pair, face of each, mean normal and gap [m]."""
+    """List opposite faces of pairs: pair, face of each, mean normal and gap [m]."""
     first, second = pairs.T
     cosine = np.einsum('pfk,pgk->pfg', normals[first], normals[second])
     pair, f, g = np.nonzero(cosine < _FACING)
@@ -117,7 +117,7 @@ def _facing(pairs: np.ndarray, normals: np.ndarray, middles: np.ndarray, reach: 
 
 def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: np.ndarray,
            gap: float) -> tuple | None:
-    """Give pair, frame, extents, area, gap and place of where faces overlap along a normal."""
+    """Compute the patch where faces overlap: pair, frame, extents, area, gap and centroid."""
     along = face[1] - face[0] if np.ptp(face[:2], axis=0).max() > 1e-9 else face[2] - face[1]
     along = along - product(along, normal) * normal
     along /= norm(along)
@@ -144,13 +144,13 @@ def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: n
 
 
 def _cross(a: np.ndarray, b: np.ndarray) -> list[float]:
-    """Give the vector product of two vectors, as `np.cross` does at some cost."""
+    """Compute the cross product of two vectors, faster than `np.cross`."""
     (x, y, z), (u, v, w) = a.tolist(), b.tolist()
     return [y * w - z * v, z * u - x * w, x * v - y * u]
 
 
 def _table(found: Sequence[tuple], corners: np.ndarray) -> Patches:
-    """Put patches into columns."""
+    """Collect patches into columns."""
     if not found:
         none = np.zeros(0)
         return Patches(np.zeros((0, 2), np.intp), np.zeros((0, 7)), np.zeros((0, 2)), none, none,
@@ -190,7 +190,7 @@ def clip(subject: np.ndarray, window: np.ndarray) -> np.ndarray:
 
 def moments(outline: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
     """
-    Give area [m²], centroid [m], (2,), and second moments about it [m⁴], (2, 2), of a polygon.
+    Compute area [m²], centroid [m], (2,), and second moments about it [m⁴], (2, 2), of a polygon.
 
     :param outline: corners, counter-clockwise [m], (n, 2).
     """

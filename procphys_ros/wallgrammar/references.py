@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""References: every name that a rule uses must exist before anything is derived."""
+"""References: check that every name used by a rule exists, before the derivation."""
 
 from collections.abc import Iterator
 
@@ -33,7 +33,7 @@ from procphys_ros.wallgrammar.spec import (
 
 def check(spec: Spec) -> None:
     """
-    Refuse calls of rules and panels that do not exist, or with a wrong number of arguments.
+    Check that called rules and panels exist and take the given number of arguments.
 
     :param spec: a parsed grammar.
     :raises GrammarError: at the first such call.

@@ -25,14 +25,14 @@ from procphys_ros.wallgrammar.tiling import LEAST, Runs
 
 EMPTY = -1
 _SNAP = 25_000         # [µm] level edges this close to a bed joint move onto it, as masons gauge
-_FINEST = 20_000_000   # squares of one facade's grid
+_FINEST = 20_000_000   # squares of one facade's grid at most
 
 
 def snap_level(height: np.ndarray | int, layout: Layout) -> np.ndarray:
     """
-    Move heights onto the nearest course line when it is near.
+    Snap heights to the nearest course line when it is near.
 
-    So no sliver is laid, and no gap is left where one would be too thin to be laid.
+    This avoids slivers, and gaps where a sliver would be too thin to lay.
 
     :param height: [µm], any shape.
     :param layout: with the courses.
@@ -46,7 +46,7 @@ def snap_level(height: np.ndarray | int, layout: Layout) -> np.ndarray:
 @dataclass(frozen=True)
 class Regions:
     """
-    Which panel covers what of a facade.
+    Grid of the panel classes that cover a facade.
 
     :ivar x: lines along the wall [µm], (nx + 1,).
     :ivar z: level lines [µm], (nz + 1,).
@@ -58,7 +58,7 @@ class Regions:
     owner: np.ndarray
 
     def turned(self) -> 'Regions':
-        """Exchange the two directions."""
+        """Exchange the two directions of the grid."""
         return Regions(self.z, self.x, self.owner.T)
 
     def runs_of(self, owner: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -72,7 +72,7 @@ class Regions:
 
 def paint(rectangles: np.ndarray, owners: np.ndarray) -> Regions | None:
     """
-    Lay rectangles over each other, later ones on top.
+    Paint rectangles onto a grid, later ones on top.
 
     :param rectangles: left, bottom, right, top [µm], (n, 4).
     :param owners: class of each, (n,).
@@ -96,12 +96,12 @@ def paint(rectangles: np.ndarray, owners: np.ndarray) -> Regions | None:
 
 def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Facade) -> Runs:
     """
-    Cut the squares of one class into courses and let them share the facade's corners.
+    Cut the squares of one class into courses that share the facade's corners.
 
     :param regions: panels of the facade.
     :param owner: class of the panels.
     :param depth: outer face of the panels, inwards from the facade plane [µm].
-    :param layout: how they are tiled.
+    :param layout: of the panels.
     :param facade: where they stand.
     """
     row, left, right = regions.runs_of(owner)
@@ -122,7 +122,7 @@ def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Fa
 
 def _share(end: np.ndarray, joint: np.ndarray, edge: int, corner: Corner, owning: np.ndarray,
            outwards: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Move the ends of runs that reach into a corner to where their course lets them."""
+    """Move the ends of runs that reach into a corner to the limit of their course."""
     touching = end == edge
     limit = edge + outwards * np.where(owning, corner.owned, corner.yielded)
     beyond = touching | (outwards * (end - limit) > 0)

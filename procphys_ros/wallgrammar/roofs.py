@@ -79,7 +79,7 @@ class Roof:
         return (self.height + self.gauge) / MICRO
 
     def _check_eaves(self) -> None:
-        """Refuse walls that stand where the eaves of this roof reach out."""
+        """Check that no wall stands in the way of the eaves of this roof."""
         drop = micro(OVERHANG * tan(self.pitch) + _EAVES_ROOM)
         reach = micro(OVERHANG + _EAVES_ROOM)
         for other in self.neighbours:
@@ -103,7 +103,7 @@ class Roof:
                     f'stand out of them: end the piers below {(self.height - drop) / MICRO:.2f} m')
 
     def _eaves_axes(self) -> tuple[int, ...]:
-        """Name the axes along which eaves run."""
+        """Return the axes along which eaves run."""
         return (0, 1)
 
     def tie(self, axis: int) -> None:
@@ -126,7 +126,7 @@ class Roof:
         return [round(place) for place in np.linspace(first, last, count).tolist()]
 
     def _ridge_levels(self, span: float) -> tuple[int, int]:
-        """Give bottom (on a course) and top of the ridge board [µm]."""
+        """Compute bottom (on a course) and top of the ridge board [µm]."""
         underside = self.eaves + (span - 0.5 * RIDGE) * tan(self.pitch)
         bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
         top = micro(underside + self.depth * cos(self.pitch) - 0.005)
@@ -141,7 +141,7 @@ class Roof:
 
     def _timber(self, axis: int, along: tuple[int, int], across: tuple[int, int], bottom: int,
                 top: int, joint: int, kind: str = 'plate') -> np.ndarray:
-        """Lay an upright timber along an axis of the first frame; give its parts."""
+        """Lay an upright timber along an axis of the first frame; return its parts."""
         rows = self.site.add(self._box(axis, along, across, bottom, top, joint, kind), PIECE)
         return np.arange(rows.start, rows.stop)
 
@@ -157,7 +157,7 @@ class Roof:
                           kind=self.site.kind(kind), material=self.site.material('timber'))
 
     def _opposite(self, axis: int, span: float, length: float, hipped: bool) -> list[Slope]:
-        """Give the two slopes whose eaves run along an axis."""
+        """Return the two slopes whose eaves run along an axis."""
         ahead = rotation.rotate(self.site.frames[0][3:], np.array([1.0, 0.0, 0.0]))
         yaw = float(atan2(ahead[1], ahead[0]))
         low, high = self.low / MICRO, self.high / MICRO
@@ -196,7 +196,7 @@ class Roof:
                    (RAFTER, self.depth), np.minimum(reach, 0.5))
 
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """Choose of some parts the one whose middle line passes nearest to each point."""
+        """Find the part among some that is nearest to each point, (n,)."""
         boxes = self.site.boxes().take(rows)
         frames = np.array(self.site.frames)[boxes.frame]
         local = rotation.rotate(rotation.conjugate(frames[None, :, 3:]),
@@ -206,7 +206,7 @@ class Roof:
 
     def _bond(self, first: np.ndarray, second: np.ndarray, points: np.ndarray,
               normals: np.ndarray, extent: tuple[float, float], reach: np.ndarray) -> None:
-        """Join parts of different frames; the patch's x lies level."""
+        """Bond parts of different frames; the patch's x lies level."""
         level = np.cross([0.0, 0.0, 1.0], normals)
         steep = norm(level, axis=1) < 1e-6
         level[steep] = [1.0, 0.0, 0.0]

@@ -32,7 +32,7 @@ _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
 BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
 COVER = 0.045            # [m] depth of battens and tiles together
-TILE = (0.40, 0.02)     # [m] width and thickness of what stands for a few tiles
+TILE = (0.40, 0.02)     # [m] width and thickness of a body that stands for a few tiles
 GAUGE = 0.32            # [m] largest distance of battens
 TILE_AREA = TILE[0] * GAUGE  # [m²] of roof that a tile covers
 APART = 0.001           # [m] tiles do not touch each other
@@ -64,7 +64,7 @@ class Ends(NamedTuple):
 
 def rafter_depth(span: float, pitch: float) -> float:
     """
-    Give the depth of rafters [m].
+    Compute the depth of rafters [m].
 
     :param span: horizontal distance from the eaves to the ridge [m].
     :param pitch: [rad].
@@ -109,7 +109,7 @@ class Slope:
                    rafter_depth(span, pitch))
 
     def world(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
-        """Give points of the slope's frame in the building [m], (n, 3)."""
+        """Transform points from the slope's frame to the building's [m], (n, 3)."""
         points = np.column_stack(np.broadcast_arrays(x, y, z)).astype(float)
         return self.pose[:3] + rotation.rotate(self.pose[3:], points)
 
@@ -147,7 +147,7 @@ class Slope:
 
         :param site: takes the parts.
         :param frame: index of the slope's frame.
-        :param rafters: what there is to nail to.
+        :param rafters: that carry the battens.
         """
         top = rafters.reach.max()
         bottom = -OVERHANG / cos(self.pitch)
@@ -211,7 +211,7 @@ class Slope:
         return upper * sin(self.pitch) + (lower + TILE[1]) * cos(self.pitch)
 
     def _ridge_levels(self) -> tuple[float, float]:
-        """Give z of the underside of ridge tiles, and x where they meet the other side."""
+        """Return z of the underside of ridge tiles, and x where they meet the other side [m]."""
         bottom = self.depth + COVER
         return bottom, (self.span + bottom * sin(self.pitch)) / cos(self.pitch) - APART
 
@@ -229,7 +229,7 @@ class Slope:
                      frame, 1) for a, b in zip(lines, lines[1:])]
 
     def _row(self, x: float, z: float) -> tuple[float, float]:
-        """Give where a row across the slope starts and ends along the eaves [m]."""
+        """Return the start and end of a row across the slope, along the eaves [m]."""
         if not self.hipped:
             return 0.0, self.length
         inset = max(x * cos(self.pitch) - z * sin(self.pitch), -OVERHANG) + _HIP_ROOM

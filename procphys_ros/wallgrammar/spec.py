@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Spec: what a wall grammar says, as parsed, before any number is evaluated."""
+"""Spec: a wall grammar as parsed, before any number is evaluated."""
 
 from dataclasses import dataclass, field
 from typing import TypeAlias
@@ -26,7 +26,7 @@ Successor: TypeAlias = 'Call | Split | Border | Grid | Extrude | Insert'
 
 @dataclass(frozen=True)
 class Call:
-    """A rule or panel by name, or any other name with arguments."""
+    """Reference to a rule or panel by name, or any other name with arguments."""
 
     name: str
     arguments: tuple[Expression, ...]
@@ -102,7 +102,7 @@ class Insert:
 @dataclass(frozen=True)
 class Rule:
     """
-    One production.
+    Production rule.
 
     :ivar condition: None = always.
     :ivar weight: None = not drawn.
@@ -119,11 +119,11 @@ class Rule:
 @dataclass(frozen=True)
 class Panel:
     """
-    What a terminal name stands for: a layout, `boards`, `glazing`, `beam`, `arch` or `none`.
+    Definition of a terminal: a layout, `boards`, `glazing`, `beam`, `arch` or `none`.
 
     :ivar arguments: names of materials.
     :ivar shape: of an arch.
-    :ivar numbers: of an arch: of its shape, and how many rings it has.
+    :ivar numbers: of an arch: parameters of its shape, and its number of rings.
     """
 
     name: str
@@ -145,7 +145,7 @@ class Entry:
 @dataclass(frozen=True)
 class Building:
     """
-    The building, or one of its wings; `None` stands for what the text leaves out.
+    The building, or one of its wings; `None` stands for omitted entries.
 
     :ivar parameters: names with their defaults, in order.
     """
