@@ -41,7 +41,7 @@ class Grammar(NamedTuple):
     A compiled grammar.
 
     :ivar source: name of the text.
-    :ivar name: that it gives itself.
+    :ivar name: as stated in the text.
     :ivar defines: name and value of each define, in order.
     :ivar steps: derivation length, None = not given.
     :ivar angle: default angle [degrees], None = not given.
@@ -134,8 +134,8 @@ def compile_grammar(text: str, source: str, max_modules: int,
     :param text: of the grammar.
     :param source: its name, for errors.
     :param max_modules: longest string that it may derive.
-    :param folder: where included files are looked for first.
-    :raises GrammarError: for anything that cannot be read or that contradicts itself.
+    :param folder: searched first for included files.
+    :raises GrammarError: for statements that cannot be read or contradict each other.
     """
     reader = _Reader(source, gather_statements(text, source, folder))
     defines = reader.defines()
@@ -166,7 +166,7 @@ def compile_grammar(text: str, source: str, max_modules: int,
 
 
 def _skipped_names(reader: _Reader, compiler: RuleCompiler):
-    """Make the test for names that contexts skip."""
+    """Make the predicate for names that contexts skip."""
     ignored = [name for tree, at in reader.trees('ignore')
                for name in compiler.names(tree, at.line)]
     considered = [name for tree, at in reader.trees('consider')
@@ -194,7 +194,7 @@ def _check_ignored(rule: Rule, ignored: np.ndarray, vocabulary: Vocabulary) -> N
 
 def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
                     rules: dict[str, list[Rule]]) -> None:
-    """Refuse misspelt words, and known symbols with a wrong number of parameters."""
+    """Check for misspelt words, and known symbols with a wrong number of parameters."""
     every = [rule for section in RULE_SECTIONS for rule in rules[section]]
     replaced = {rule.predecessor for rule in every}
     vocabulary = compiler.vocabulary
@@ -210,7 +210,7 @@ def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
 
 def _warn_of_strangers(compiler: RuleCompiler, axiom: tuple[Produced, ...],
                        rules: dict[str, list[Rule]]) -> None:
-    """Warn of single letters without a meaning, and of rules that no module ever fits."""
+    """Warn of single letters without a meaning, and of rules that never match a module."""
     vocabulary = compiler.vocabulary
     every = [rule for section in RULE_SECTIONS for rule in rules[section]]
     written = [*axiom, *(piece for rule in every for piece in rule.successor)]

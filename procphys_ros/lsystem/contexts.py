@@ -29,7 +29,7 @@ def follow_tree(key: np.ndarray, ignored: np.ndarray) -> tuple[np.ndarray, np.nd
     Link each module of a string to its neighbours on the tree.
 
     :param key: of each module, (M,).
-    :param ignored: which keys contexts skip, (K,) bool.
+    :param ignored: mask of the keys that contexts skip, (K,) bool.
     :returns: for each place the module before it on the way to the root (-1: none), (M,); the
         next place that is not ignored, (M + 1,); the closing bracket of each opening one, (M,).
     """
@@ -70,7 +70,7 @@ def match_left(rows: np.ndarray, key: np.ndarray, before: np.ndarray,
     :param key: of each module, (M,).
     :param before: from `follow_tree`.
     :param pattern: keys, nearest first, (P,).
-    :returns: which rows match, (N,) bool, and the modules that they met, (N, P).
+    :returns: mask of the rows that match, (N,) bool, and the modules matched, (N, P).
     """
     good = np.ones(len(rows), np.bool_)
     met = np.empty((len(rows), len(pattern)), np.int32)
@@ -94,7 +94,7 @@ def _past_branches(at, key, onward, closing):
 
 @subroutine
 def _match_one(at, key, onward, closing, pattern, met, places, ends):
-    """Match one right context; a named branch may be any of the branches that stand there."""
+    """Match one right context; a named branch may match any branch at that place."""
     depth = 0
     p = 0
     at = onward[at]
@@ -146,7 +146,7 @@ def match_right(rows: np.ndarray, key: np.ndarray, onward: np.ndarray, closing: 
     :param onward: from `follow_tree`.
     :param closing: from `follow_tree`.
     :param pattern: keys and bracket codes, (P,).
-    :returns: which rows match, (N,) bool, and the modules that they met, (N, P).
+    :returns: mask of the rows that match, (N,) bool, and the modules matched, (N, P).
     """
     good = np.empty(len(rows), np.bool_)
     met = np.full((len(rows), len(pattern)), -1, np.int32)

@@ -24,13 +24,13 @@ from procphys_ros.lsystem.modules import Modules, Vocabulary
 from procphys_ros.lsystem.rewriting import Rewritten, RuleSet
 from procphys_ros.lsystem.rules import Produced
 
-_MOST_WORK = 100  # longest strings that are looked at in a derivation, some 20 s to a minute
+_MOST_WORK = 100  # work of a derivation in strings of the greatest length, some 20 s to a minute
 _MOST_PASSES = 1000  # of decomposition rules over their own result
 
 
 class _Work:
     """
-    Counts the modules that rules look at, and ends a derivation that would go on for minutes.
+    Counts the modules that rules examine, and ends a derivation that would take minutes.
 
     :param most: modules, over all passes.
     """
@@ -40,7 +40,7 @@ class _Work:
 
     def rewrite(self, rules: RuleSet, modules: Modules, defines: Mapping[str, float],
                 generator: np.random.Generator, active: np.ndarray | None = None) -> Rewritten:
-        """Rewrite as `RuleSet.rewrite` does."""
+        """Rewrite like `RuleSet.rewrite`, and count the work."""
         result = rules.rewrite(modules, defines, generator, active)
         self._passes += 1
         self._done += len(modules) if rules.rules else 0
@@ -92,7 +92,7 @@ class Derivation:
     def interpret(self, modules: Modules, depth: int, defines: Mapping[str, float],
                   generator: np.random.Generator) -> Modules:
         """
-        Replace modules by what they look like; results are interpreted again, to a depth.
+        Replace modules by their geometry; results are interpreted again, to a depth.
 
         :param modules: derived string.
         :param depth: 1 = results are left as they are.

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Dialects: what other programs write into L-systems, answered with what is written here."""
+"""Dialects: syntax of other L-system programs, with hints on the syntax used here."""
 
 import re
 
@@ -39,15 +39,15 @@ SYMBOLS = {
     ';': "colours are textures: Texture(n), or ' for the next one",
     ',': 'colours are textures: Texture(n)',
     '?': 'no module is told where it stands or heads',
-}  # of modules that other programs know, with the way it is done here
+}  # hints for modules of other programs
 
 
 def check_line(line: str, text: str, place: Place) -> None:
     """
-    Refuse a line that means something elsewhere, but nothing or something else here.
+    Check a line for syntax of other programs that means nothing or something else here.
 
     :param line: with its comment.
-    :param text: the whole, which may declare what looks like a label.
+    :param text: the whole text, which may declare a module that looks like a label.
     :param place: of the line.
     :raises GrammarError: saying what to write instead.
     """

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Drawing: turn what the turtle recorded into branches, leaves and ornaments."""
+"""Drawing: branches, leaves and ornaments from the turtle's records."""
 
 from typing import NamedTuple
 
@@ -36,7 +36,7 @@ _LEAF_TEXTURE = 1  # of `~` and `Leaf` without a number: the second name
 
 class Drawing(NamedTuple):
     """
-    What the turtle leaves behind; see `skeleton.build`.
+    Geometry recorded by the turtle; see `skeleton.build`.
 
     :ivar polygons: area of the polygons on each segment [m²], (S,).
     """
@@ -50,7 +50,7 @@ class Drawing(NamedTuple):
 
 def draw(modules: Modules, tables: tuple, textures: tuple[str, ...]) -> Drawing:
     """
-    Collect what the turtle recorded.
+    Make the drawing from the turtle's records.
 
     :param modules: the string that it followed.
     :param tables: rows of segments, boneless segments, leaves and triangles; see `walk.walk`.
@@ -101,7 +101,7 @@ def _branches(segments: np.ndarray) -> Branches:
 
 
 def leaf_textures(modules: Modules, leaves: np.ndarray, names: int) -> np.ndarray:
-    """Give the texture numbers of leaves: written after the size, else the second name."""
+    """Look up the texture indices of leaves: written after the size, else the second name."""
     rows = leaves[:, 1].astype(np.int64)
     texture = np.full(len(rows), min(_LEAF_TEXTURE, names - 1), np.int16)
     numbered = modules.counts[rows] == 2
@@ -110,7 +110,7 @@ def leaf_textures(modules: Modules, leaves: np.ndarray, names: int) -> np.ndarra
 
 
 def _carriers(table: np.ndarray, frames: np.ndarray) -> np.ndarray:
-    """Find the segments that carry things; the last one carries what comes after all."""
+    """Find the segments that carry rows of a table; the last one carries all that follow it."""
     return np.minimum(table[:, 0], len(frames) - 1).astype(np.int32)
 
 
@@ -134,7 +134,7 @@ def _ornaments(pieces: np.ndarray, triangles: np.ndarray, frames: np.ndarray) ->
 
 
 def _areas(triangles: np.ndarray, count: int) -> np.ndarray:
-    """Add up the areas of triangles by the segments that carry them [m²], (S,)."""
+    """Sum the areas of triangles by the segments that carry them [m²], (S,)."""
     first, second, third = triangles[:, 3:].reshape(-1, 3, 3).transpose(1, 0, 2)
     area = 0.5 * norm(np.cross(second - first, third - first), axis=1)
     return np.bincount(np.minimum(triangles[:, 0].astype(int), count - 1), area, count)

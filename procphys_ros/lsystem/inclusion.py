@@ -25,13 +25,13 @@ _TAKEN = ('module', 'define', *RULE_SECTIONS)
 
 def gather_statements(text: str, source: str, folder: Path | None = None) -> list[Statement]:
     """
-    Cut a text into statements, and add modules, defines and rules of what it includes.
+    Cut a text into statements, and add modules, defines and rules of included files.
 
     Those of the text itself come first, so that its rules win.
 
     :param text: of the whole L-system.
     :param source: its name, for errors.
-    :param folder: where included files are looked for first; None = among the shipped ones only.
+    :param folder: searched first for included files; None = the shipped ones only.
     :raises GrammarError: for text outside any section, misspelt headers and missing files.
     """
     return _gather(text, source, folder, {Path(shorten(source)).resolve()})

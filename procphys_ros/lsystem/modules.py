@@ -44,10 +44,10 @@ class Module(NamedTuple):
 
 class Vocabulary:
     """
-    Numbers for modules: one key for each name with each number of parameters.
+    Keys of modules: one for each name with each number of parameters.
 
-    :ivar names: name behind each key.
-    :ivar arities: number of parameters behind each key.
+    :ivar names: name of each key.
+    :ivar arities: number of parameters of each key.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class Vocabulary:
             self.key(bracket, 0)
 
     def key(self, name: str, arity: int) -> int:
-        """Give the key of a module, a new one if it is new."""
+        """Return the key of a module, which is added if new."""
         key = self._keys.setdefault((name, arity), len(self.names))
         if key == len(self.names):
             self.names.append(name)
@@ -72,12 +72,12 @@ class Vocabulary:
 @dataclass(frozen=True)
 class Modules(Sequence):
     """
-    A string of modules; indexing gives `Module`s, `str` the usual notation.
+    String of modules; indexing returns `Module`s, `str` the usual notation.
 
-    :ivar vocabulary: what the keys stand for.
+    :ivar vocabulary: of the keys.
     :ivar key: (M,) int32.
-    :ivar values: parameters of all modules behind each other.
-    :ivar origin: piece of the grammar that each module was written by, (M,) int32.
+    :ivar values: parameters of all modules, concatenated.
+    :ivar origin: index of the piece of the grammar that wrote each module, (M,) int32.
     """
 
     vocabulary: Vocabulary

@@ -30,7 +30,7 @@ from procphys_ros.lsystem.rules import check_weight, Rule
 
 
 class _Match(NamedTuple):
-    """Where a rule applies: rows (N,) and the values that its expressions see."""
+    """Match of a rule: rows (N,) and the values of the names in its expressions."""
 
     rule: Rule
     rows: np.ndarray
@@ -39,10 +39,10 @@ class _Match(NamedTuple):
 
 class Rewritten(NamedTuple):
     """
-    What a pass produced.
+    Result of a pass.
 
     :ivar modules: the new string.
-    :ivar fresh: which of them a rule wrote, (M,) bool.
+    :ivar fresh: mask of the modules that a rule wrote, (M,) bool.
     :ivar applied: the rule that wrote most, None when none applied.
     """
 
@@ -69,7 +69,7 @@ class RuleSet:
     Rules that are applied together.
 
     :ivar rules: in file order.
-    :ivar ignored: which keys contexts skip, (K,) bool.
+    :ivar ignored: mask of the keys that contexts skip, (K,) bool.
     :ivar max_modules: longest string allowed.
     """
 
@@ -85,7 +85,7 @@ class RuleSet:
         :param modules: the string.
         :param defines: value of each define.
         :param generator: source of random numbers.
-        :param active: which modules may be replaced, (M,) bool; None = all.
+        :param active: mask of the modules that may be replaced, (M,) bool; None = all.
         :raises GrammarError: when the string would grow past `max_modules`.
         """
         tree = None
@@ -153,7 +153,7 @@ def _write_successors(match: _Match, to: np.ndarray, to_values: np.ndarray, key:
 def _choose(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.ndarray,
             tree: tuple | None, defines: Mapping[str, float],
             generator: np.random.Generator) -> list[_Match]:
-    """Give each row the first rule that fits it, or one drawn among alternatives."""
+    """Choose the first rule that fits each row, or draw one among alternatives."""
     matches: list[_Match] = []
     for pattern, group in groupby(rules, key=lambda rule: rule.pattern):
         alternatives = [[rule] for rule in group]
@@ -209,7 +209,7 @@ def _fit(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.n
 
 def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
           generator: np.random.Generator) -> np.ndarray:
-    """Give the number of the rule for each row, -1 where no condition is true, (N,)."""
+    """Draw the index of the rule for each row, -1 where no condition is true, (N,)."""
     weights = np.zeros((len(rules), count))
     for number, rule in enumerate(rules):
         true = np.ones(count, bool)

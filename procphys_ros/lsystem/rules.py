@@ -28,14 +28,14 @@ from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
 from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
 from procphys_ros.lsystem.symbols import LONG_NAMES, SYMBOLS
 
-# What nobody means to be read letter by letter; FfA is, and Ab may be.
+# Words that are not meant letter by letter; FfA is, and Ab may be.
 _CAMEL_CASE = re.compile(r'[A-Z][a-z]{2}|[A-Z][a-z]+[A-Z][a-z]')
 _HEAVIEST = 1e12  # weight of a rule; sums stay finite
 
 
 def check_weight(weight: Value, place: Place) -> None:
     """
-    Refuse weights that no draw can use.
+    Check that weights are within bounds.
 
     :param weight: of a rule, at each place where it applies.
     :param place: where it is written.
@@ -51,8 +51,8 @@ class Produced:
     """
     A module written in an axiom or a successor.
 
-    :ivar key: which module.
-    :ivar origin: number of this piece of the grammar, see `RuleCompiler.origins`.
+    :ivar key: of the module.
+    :ivar origin: index of this piece of the grammar, see `RuleCompiler.origins`.
     :ivar arguments: of its parameters.
     """
 
@@ -90,7 +90,7 @@ class Rule:
 
     @property
     def pattern(self) -> tuple:
-        """Give what must be equal for rules to be alternatives of one draw."""
+        """Return the key that rules share if they are alternatives of one draw."""
         return self.predecessor, self.left, self.right, self.weight is None
 
 
@@ -102,7 +102,7 @@ class RuleCompiler:
     :ivar source: name of the text.
     :ivar declared: long names that the grammar declares.
     :ivar defines: names of the defines.
-    :ivar vocabulary: grows with what is compiled.
+    :ivar vocabulary: extended while rules are compiled.
     :ivar origins: place and name of every module written anywhere.
     :ivar words: words that were split into letters, with their places.
     """
@@ -115,7 +115,7 @@ class RuleCompiler:
     words: list[tuple[str, Place]] = field(default_factory=list)
 
     def of(self, source: str) -> 'RuleCompiler':
-        """Go on with another text."""
+        """Switch to another text."""
         self.source = source
         return self
 
@@ -189,7 +189,7 @@ class RuleCompiler:
         return codes, formals
 
     def _is_anything(self, tree: Tree, line: int) -> bool:
-        """Recognise the lone `*`, which stands for nothing."""
+        """Return whether a tree is a lone `*`, which stands for an empty string."""
         stars = [child for child in tree.children if child.data != 'bracket'
                  and child.children[0].children[0].type == 'ANYTHING']
         if stars and len(tree.children) > 1:
@@ -277,10 +277,10 @@ class RuleCompiler:
 
     def check_words(self, meanings: Collection[str]) -> None:
         """
-        Refuse words that look like one name but were read letter by letter.
+        Check that no word that looks like one name was read letter by letter.
 
         :param meanings: letters that rules replace or that the turtle knows.
-        :raises GrammarError: for a capitalised word of which some letter means nothing.
+        :raises GrammarError: for a capitalised word with a letter that has no meaning.
         """
         for word, place in self.words:
             if not {*self._pieces(word)} <= {*meanings, *self.declared}:

@@ -54,12 +54,12 @@ def split_statements(text: str, source: str) -> list[Statement]:
     Cut a text into statements.
 
     A rule begins on the line that holds its arrow, or on the lines before it when the arrow, a
-    condition or a context begins a line. What follows without an arrow belongs to it still.
+    condition or a context begins a line. Lines without an arrow that follow belong to it.
 
     :param text: of the whole L-system.
     :param source: its name, for errors.
-    :raises GrammarError: for text outside any section, for misspelt headers, and for what only
-        other programs read.
+    :raises GrammarError: for text outside any section, misspelt headers, and syntax of other
+        programs.
     """
     statements: list[Statement] = []
     buffer: list[str] = []

@@ -24,7 +24,7 @@ from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 
 class Op(IntEnum):
-    """What the turtle does for a module."""
+    """Action of the turtle for a module."""
 
     NOTHING = 0
     SEGMENT = 1
@@ -50,7 +50,7 @@ class Op(IntEnum):
 
 class Range(NamedTuple):
     """
-    Values that are allowed, both ends included.
+    Range of allowed values, both ends included.
 
     :ivar low, high: ends.
     :ivar unit: of both; empty = none.
@@ -61,7 +61,7 @@ class Range(NamedTuple):
     unit: str = ''
 
     def holds(self, values: np.ndarray) -> np.ndarray:
-        """Return which values lie inside, with room for rounding; NaN does not."""
+        """Mark the values inside the range, with a tolerance for rounding; NaN is outside."""
         return ((values >= self.low - 1e-9 * abs(self.low))
                 & (values <= self.high + 1e-9 * abs(self.high)))
 
@@ -71,7 +71,7 @@ class Range(NamedTuple):
 
 class Attribute(NamedTuple):
     """
-    A number of the turtle's state that segments take over.
+    Numeric attribute of the turtle's state that segments inherit.
 
     :ivar name: of the symbol; `<name>Rate` sets the factor applied after each segment.
     :ivar default: value when the grammar says nothing; NaN = derived from other values.
@@ -83,7 +83,7 @@ class Attribute(NamedTuple):
     allowed: Range
 
 
-# Ranges reach beyond what grows or is built (the widest trunk measures 14 m, the tallest tree
+# Ranges exceed anything that grows or is built (the widest trunk measures 14 m, the tallest tree
 # 116 m; densities from aerogel to osmium, moduli from gel to diamond), and end before products
 # and quotients of them lose their precision.
 _STIFFNESS = Range(1e-12, 1e15, 'N·m/rad')  # what E·I/L can give
@@ -97,8 +97,8 @@ TROPISM = Range(-1e6, 1e6)
 REACH = Range(-1e4, 1e4, 'm')               # coordinates of everything drawn
 TEXTURE_NUMBER = Range(0.0, float(np.iinfo(np.int16).max))
 
-# Green birch (ForestGALES species table: 900 kg/m3, 9.9 GPa) stands for wood of which a grammar
-# says nothing. Internal damping of trees is below 5 % (Moore and Maguire 2004, Trees 18).
+# Green birch (ForestGALES species table: 900 kg/m3, 9.9 GPa) is the default wood. Internal
+# damping of trees is below 5 % (Moore and Maguire 2004, Trees 18).
 ATTRIBUTES = (
     Attribute('Width', 0.1, Range(1e-4, 30.0, 'm')),
     Attribute('Density', 900.0, Range(0.1, 25e3, 'kg/m³')),
@@ -117,7 +117,7 @@ ATTRIBUTES = (
     Attribute('RootStiffness', np.nan, _STIFFNESS),  # absent: clamped in the ground
     Attribute('RootMoment', np.inf, Range(1e-9, 1e15, 'N·m')),
     Attribute('Preload', 1.0, Range(0.0, 1.0)),    # 0: drawn as it would be without weight
-    Attribute('Cling', 0.0, Range(0.0, 1e9, 'N/m')),  # hold on what it grows on; 0: none
+    Attribute('Cling', 0.0, Range(0.0, 1e9, 'N/m')),  # hold on its support; 0: none
     Attribute('BoneRatio', 0.9, Range(0.8, 0.95)),  # bone length over segment length
     Attribute('Texture', 0.0, TEXTURE_NUMBER),
     Attribute('Vogel', VOGEL_EXPONENT, Range(-2.0, 0.0)),  # foliage drag ~ u^(2 + V)
@@ -129,9 +129,9 @@ ATTRIBUTE_INDEX = {attribute.name: i for i, attribute in enumerate(ATTRIBUTES)}
 
 class Symbol(NamedTuple):
     """
-    A name with a meaning for the turtle.
+    Symbol with a meaning for the turtle.
 
-    :ivar op: what it does.
+    :ivar op: action.
     :ivar arities: numbers of parameters it may have.
     :ivar argument: sign of a turn, or index of an attribute.
     """
@@ -176,6 +176,6 @@ ARGUMENT_RANGES = {
 
 
 def arity_message(symbol: Symbol, found: int) -> str:
-    """Say how many parameters a symbol takes, and how many were found."""
+    """Format the allowed numbers of parameters of a symbol, and the number found."""
     wanted = ' or '.join(map(str, symbol.arities))
     return f'takes {wanted} parameter{"s" * (symbol.arities != (1,))}, found {found}'

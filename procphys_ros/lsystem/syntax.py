@@ -63,7 +63,7 @@ _START = {
     'consider': 'symbols', 'derivation length': 'value', 'angle': 'value',
     'maximum depth': 'value',
 }
-_KEPT = 1000  # trees of statements: reloads, runs of a batch and variants read the same ones again
+_KEPT = 1000  # cached trees of statements, which reloads, batch runs and variants share
 
 
 @cache
@@ -82,7 +82,7 @@ def parse_statement(statement: Statement) -> Tree:
     Read one statement.
 
     :param statement: cut from the text by `split_statements`.
-    :returns: its tree, which all equal statements share: it is only read.
+    :returns: its tree, shared by all equal statements, read-only.
     :raises GrammarError: saying what was found and what was expected.
     """
     try:

@@ -28,13 +28,13 @@ from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Footprint
 
 STONE = 'spire'
-_SHARPEST = 75.0   # [degrees] smallest angle of the plan: courses bond around corners up to there
+_SHARPEST = 75.0   # [degrees] smallest angle of the plan at which courses bond around corners
 _SHAFT = 0.4       # of the thickness: half the width of the hollow below which a course is solid
 _NEAR_END = 0.35   # of a unit: no joint stands nearer to a corner
 _BLUNT = acos(0.5 * (np.sqrt(5.0) - 1.0))  # [rad] turn below which tan is less than 1 / sin
 _MOST_SECTORS = 8  # corners of solid courses, whose stones fill two sectors each
-_LEAST_CAP = 0.1   # [m] stones under it, of thinner walls, would have no beds
-_LEAST_LAP = 0.5   # of the thickness: what each course rests on
+_LEAST_CAP = 0.1   # [m] width of the cap: stones under a smaller one would have no beds
+_LEAST_LAP = 0.5   # of the thickness: overlap of each course with the one below
 
 
 @dataclass(frozen=True)
@@ -56,13 +56,13 @@ class Pyramid:
     shell: float
 
     def line(self, edge: int, level: float, inwards: float) -> tuple[np.ndarray, float]:
-        """Give a line along an edge at some height: normal and distance from the middle [m]."""
+        """Return a line along an edge at some height: normal and distance from the middle [m]."""
         edge %= len(self.reach)
         share = 1.0 - level / self.height
         return self.normals[edge], float(self.reach[edge] * share - inwards)
 
     def outline(self, level: float) -> np.ndarray:
-        """Give the corners at some height, each where an edge begins [m], (n, 2)."""
+        """Compute the corners at some height, each the start of an edge [m], (n, 2)."""
         return np.array([_cross(self.line(i - 1, level, 0.0), self.line(i, level, 0.0))
                          for i in range(len(self.reach))])
 
@@ -72,7 +72,7 @@ class Pyramid:
         return acos((self.normals * np.roll(self.normals, 1, axis=0)).sum(axis=1))
 
     def corners(self, most: int) -> np.ndarray:
-        """Choose at most so many corners, evenly around the middle; indices, ascending."""
+        """Choose at most `most` corners, evenly around the middle; return ascending indices."""
         outline = self.outline(0.0)
         if len(outline) <= most:
             return np.arange(len(outline))
@@ -93,10 +93,10 @@ class Pyramid:
     def end(self, edge: int, corner: int, level: float, owning: bool,
             gap: float) -> tuple[np.ndarray, float]:
         """
-        Give the line where the stones along an edge end at some height.
+        Return the line where the stones along an edge end at some height.
 
         At sharp corners one side runs up to the face of its neighbour, which ends inside of it.
-        At blunt ones both end where the one is cut off square.
+        At blunt ones both end where one is cut off square.
 
         :param corner: edge that begins at the corner.
         :param owning: whether the side fills the corner.
@@ -123,7 +123,7 @@ def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
     :param base: level of their tops [µm].
     :param pitch: of the faces nearest to the middle [degrees].
     :param place: of the roof in its text.
-    :raises GrammarError: for plans and pitches that no spire stands on.
+    :raises GrammarError: for plans and pitches that do not suit a spire.
     """
     pyramid = _pyramid(plan, layout, np.radians(pitch), place)
     gauge, joint = layout.gauge / MICRO, layout.joint / MICRO
@@ -131,7 +131,7 @@ def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
         raise place.error(f'courses of {gauge:g} m in a spire of {pitch:g} degrees rest on less '
                           f'than half the wall, {pyramid.shell:g} m; make it steeper, the courses '
                           f'lower or the wall thicker')
-    # One stone ends the spire, from the last level at which that is as wide as the wall is thick.
+    # A single stone ends the spire, from the last level where it is as wide as the wall is thick.
     thin = pyramid.height * (1.0 - 0.5 * max(pyramid.shell, _LEAST_CAP) / pyramid.reach.min())
     levels = np.arange(0.0, max(thin, 1.5 * gauge), gauge)
     tops = np.append(levels[1:], pyramid.height)
@@ -171,7 +171,7 @@ def _pyramid(plan: Footprint, layout: Layout, pitch: float, place: Place) -> Pyr
 
 def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
             high: float) -> list[np.ndarray]:
-    """Give the corners of the stones of a course between two levels, (8, 3) each."""
+    """Compute the corners of the stones of a course between two levels [m], (8, 3) each."""
     if pyramid.is_solid(high):
         chosen = pyramid.corners(_MOST_SECTORS)
         bottom, top = pyramid.outline(low)[chosen], pyramid.outline(high)[chosen]
@@ -193,13 +193,13 @@ def _course(pyramid: Pyramid, layout: Layout, number: int, low: float,
 
 def _side(pyramid: Pyramid, layout: Layout, number: int, edge: int, low: float,
           high: float) -> list[np.ndarray]:
-    """Give the stones along one side; the sides fill the corners in turn, course by course."""
+    """Compute the stones along one side; the sides fill the corners in alternate courses."""
     joint, pitch = layout.joint / MICRO, layout.pitch / MICRO
     ends = [[pyramid.end(edge, corner, level, owning, joint) for level in (low, high)]
             for corner, owning in ((edge, number % 2 == 0), (edge + 1, number % 2 == 1))]
     faces = [[pyramid.line(edge, level, depth) for level in (low, high)]
              for depth in (0.0, pyramid.shell)]
-    # By end, face and level: where the side ends.
+    # Corners of the side, by end, face and level.
     corners = np.array([[[_cross(face[k], end[k]) for k in (0, 1)] for face in faces]
                         for end in ends])
     normal = pyramid.normals[edge]
@@ -228,7 +228,7 @@ def _cross(line: tuple[np.ndarray, float], other: tuple[np.ndarray, float]) -> n
 
 
 def _prism(bottom: np.ndarray, top: np.ndarray, low: float, high: float) -> np.ndarray:
-    """Give the corners of a solid between two outlines, counter-clockwise, (4, 2) each."""
+    """Compute the corners of a solid between two counter-clockwise outlines, (4, 2) each."""
     order = [0, 1, 3, 2]
     return np.concatenate([np.column_stack([outline[order], np.full(4, level)])
                            for outline, level in ((bottom, low), (top, high))])

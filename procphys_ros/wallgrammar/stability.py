@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Stability: nothing may hang in the air."""
+"""Stability: every part must be bonded to the ground."""
 
 from collections.abc import Sequence
 
@@ -29,13 +29,13 @@ from procphys_ros.wallgrammar.construction import Site
 def check_connected(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
                     site: Site) -> None:
     """
-    Refuse a building of which a part is not bonded to the ground, however indirectly.
+    Check that every part of a building is bonded to the ground, directly or indirectly.
 
     :param boxes: all parts.
     :param patches: all bonds.
     :param frames: pose of each frame [m], (f, 7).
-    :param site: knows names and place.
-    :raises GrammarError: naming a part that hangs.
+    :param site: for names and place in errors.
+    :raises GrammarError: naming an unsupported part.
     """
     pair = np.concatenate([p.pair for p in patches])
     ground = len(boxes)

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Stems: plans like L, T, U and H, divided into a bar and what joins it at right angles."""
+"""Stems: plans like L, T, U and H, divided into a bar and stems at right angles to it."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -27,13 +27,13 @@ from procphys_ros.wallgrammar.plan import along_facade
 from procphys_ros.wallgrammar.valley_slopes import least_step
 from procphys_ros.wallgrammar.walls import Elevation
 
-_NARROWEST = 1_200_000  # [µm] stem with a roof, and shortest
+_NARROWEST = 1_200_000  # [µm] least width and length of a stem with a roof
 _NEAREST = 600_000    # [µm] between stems and corners of the bar: room for eaves and a rafter
 _EQUAL = 2_000        # [µm] by which widths that count as equal may differ
 _BEARING = 250_000    # [µm] of girders on the walls
 _SLENDER = 10         # span over height of girders, a joiner's rule for beams that carry a roof
 _LEAST_JOINT = 1_000  # [µm] between girders and the ends of walls beside them, also of dry walls
-_PAD = 2              # courses of the concrete that spreads their load
+_PAD = 2              # courses of the concrete padstones that spread their load
 _PIECE = 1_500_000    # [µm] girders splinter into pieces of at most this length
 
 
@@ -63,7 +63,7 @@ class Division(NamedTuple):
 
     :ivar axis: along which the bar runs.
     :ivar low, high: corners of the bar [µm], (2,).
-    :ivar stems: may be none.
+    :ivar stems: may be empty.
     """
 
     axis: int
@@ -74,7 +74,7 @@ class Division(NamedTuple):
 
 def divide(plan: Footprint, pitch: float, place: Place) -> Division:
     """
-    Divide a plan: the bar runs along its first edge if that is possible, else across.
+    Divide a plan into bar and stems; the bar runs along its first edge if possible, else across.
 
     :param plan: right-angled.
     :param pitch: of the roof [degrees].
@@ -94,7 +94,7 @@ def divide(plan: Footprint, pitch: float, place: Place) -> Division:
 
 
 def _along(plan: Footprint, axis: int) -> Division | None:
-    """Divide a plan whose bar runs along an axis; None if it is no such plan."""
+    """Divide a plan with its bar along an axis; None if that is impossible."""
     across = 1 - axis
     first, last = plan.corners[:, axis].min(), plan.corners[:, axis].max()
     lines = np.unique(plan.corners[:, across])
@@ -119,7 +119,7 @@ def _along(plan: Footprint, axis: int) -> Division | None:
 
 
 def _stretches(plan: Footprint, axis: int, level: float) -> list[tuple[int, int]]:
-    """Cut a plan along an axis: where the line at a level lies inside."""
+    """List the stretches of a line along an axis that lie inside a plan [µm]."""
     crossed = []
     for facade in plan.facades:
         start = facade.origin[1 - axis]
@@ -131,7 +131,7 @@ def _stretches(plan: Footprint, axis: int, level: float) -> list[tuple[int, int]
 
 
 def _problem(division: Division, pitch: float) -> str | None:
-    """Say what leaves the roofs of a plan no room."""
+    """Describe why the roofs of a plan have no room; None if they have."""
     axis, across = division.axis, 1 - division.axis
     depth = int(division.high[across] - division.low[across])
     step = least_step(0.5 * depth / MICRO, pitch)
@@ -223,7 +223,7 @@ def bridge(site: Site, division: Division, walls: Sequence[Elevation],
 
 def _bearings(division: Division, stem: Stem, walls: Sequence[Elevation], sides: Sequence[int]
               ) -> tuple[list[int], list[tuple[Elevation, tuple[int, int]]]]:
-    """Give where a girder ends along the bar, and the stretches of walls that it lies in."""
+    """Find the ends of a girder along the bar, and the stretches of walls that it lies in."""
     axis = division.axis
     joint = max(walls[0].layout.joint, _LEAST_JOINT) * (1 if stem.upwards else -1)
     near = sorted((stem.mouth, stem.mouth + joint))
@@ -246,7 +246,7 @@ def _bearings(division: Division, stem: Stem, walls: Sequence[Elevation], sides:
 
 def _through(inner: Sequence[Elevation], axis: int, sides: Sequence[int],
              ends: Sequence[int]) -> list[tuple[Elevation, tuple[int, int]]]:
-    """List where a girder passes through partitions."""
+    """List the partitions that a girder passes through, with their stretches."""
     box = np.zeros((2, 2), np.int64)
     box[:, axis], box[:, 1 - axis] = ends, sides
     found = []

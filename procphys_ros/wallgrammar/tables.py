@@ -29,14 +29,14 @@ from procphys_ros.wallgrammar.spec import Entry, KINDS_OF_PANELS, Panel, Spec
 _LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
 _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
 _RANGES = {
-    # Beyond these no solid lies, and sums of products of them may not be finite.
+    # No solid lies beyond these, and sums of products of larger values may not be finite.
     'density': (1.0, 25e3),     # [kg/m³] aerogel to osmium
     'tension': (0.0, 1e12), 'cohesion': (0.0, 1e12), 'compression': (1.0, 1e12),  # [Pa] 0: dry
     'friction': (0.0, 10.0),
     'modulus': (1e3, 2e12),     # [Pa] gel to diamond
     'reinforcement': (0.0, 1e12),  # [Pa]
 }
-# What no arches are built of.
+# Materials that arches are not built of.
 _NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'bearing', 'mortar')
 _KINDS = ('boards', 'glazing', 'beam', 'arch', 'none')  # of panels, beside layouts
 _SMALLEST = 0.01  # [m] smallest extent of a unit
@@ -46,10 +46,10 @@ _JOINT = 0.01     # [m] when a layout names none
 
 def read_materials(spec: Spec) -> dict[str, Material]:
     """
-    Give every material by name: those known without saying, then those of the grammar.
+    Read every material by name: the predefined ones, then those of the grammar.
 
     :param spec: the parsed grammar.
-    :raises GrammarError: for unknown or missing keys and values that no material has.
+    :raises GrammarError: for unknown or missing keys, and values out of range.
     """
     materials = dict(DEFAULTS)
     for name, entries in spec.materials.items():
@@ -74,7 +74,7 @@ def read_materials(spec: Spec) -> dict[str, Material]:
 
 def read_layouts(spec: Spec, materials: dict[str, Material]) -> dict[str, Layout]:
     """
-    Give every layout by name.
+    Read every layout by name.
 
     :param spec: the parsed grammar.
     :param materials: that layouts may name.
@@ -127,7 +127,7 @@ def _layout(name: str, entries: dict[str, Entry], place: Place,
 def check_panel(panel: Panel, layouts: dict[str, Layout],
                 materials: dict[str, Material]) -> None:
     """
-    Refuse a panel that names what does not exist.
+    Check that the kind and the materials of a panel exist.
 
     :param panel: as parsed.
     :param layouts, materials: that exist.
@@ -150,11 +150,11 @@ def check_panel(panel: Panel, layouts: dict[str, Layout],
 
 def check_material(name: str, materials: dict[str, Material], place: Place) -> None:
     """
-    Refuse the name of a material that does not exist.
+    Check that a material exists.
 
     :param name: as written.
     :param materials: that exist.
-    :param place: where it is written.
+    :param place: of the name.
     """
     if name not in materials:
         raise place.error(f'unknown material "{name}"{nearest_names(name, materials)} '

@@ -25,7 +25,7 @@ from procphys_ros.wallgrammar.contacts import spread
 
 _SLIVER = 0.2     # of a unit's pitch: a shorter end piece is merged with the unit beside it
 _THROUGH, _FLAT = 0.4, 0.2  # share of rubble that reaches through the wall, and of thin stones
-_ROUGH = 0.05     # of the thickness: how far faces of rubble lie behind the line
+_ROUGH = 0.05     # of the thickness: largest setback of rubble faces
 LEAST = 15_000   # [µm] a run that leaves less than this between its joints stays empty
 
 
@@ -63,7 +63,7 @@ class Runs:
 
 
 def join(*runs: Runs) -> Runs:
-    """Put runs behind each other."""
+    """Concatenate runs."""
     return Runs(**{f.name: np.concatenate([getattr(r, f.name) for r in runs])
                    for f in fields(Runs)})
 
@@ -88,12 +88,12 @@ def lay(runs: Runs, layout: Layout, kind: int, joint: int, first_member: int,
     Tile runs; x along the wall, y from the outer face inwards, z up.
 
     :param runs: stretches to fill.
-    :param layout: how.
+    :param layout: bond and units.
     :param kind: index of the kind name of the units.
     :param joint: `Joint` of the units.
     :param first_member: number that members may be counted from, when units have pieces.
     :param generator: draws the stones of rubble.
-    :param leaf: what is laid; None = the whole thickness of the layout.
+    :param leaf: leaf to lay; None = the whole thickness of the layout.
     """
     room = runs.right - runs.left - runs.left_joint - runs.right_joint
     runs = runs.take(room >= LEAST)
@@ -135,11 +135,11 @@ def _cut(runs: Runs, course: Course, layout: Layout) -> tuple[np.ndarray, ...]:
 def _perpend(number: np.ndarray, run: np.ndarray, runs: Runs, course: Course,
              layout: Layout) -> np.ndarray:
     """
-    Locate perpends [µm]; none stands where the wall yields its corner.
+    Locate perpends [µm], away from the places where the wall yields its corner.
 
-    There the wall begins in the courses above and below. A perpend of a course that fills the
-    corner moves a quarter unit away from there, so that no straight joint cuts the corner off;
-    where headers cross the wall less far, for a quarter off their own perpends stand.
+    There the courses above and below begin. A perpend of a course that fills the corner moves a
+    quarter unit away, so that no straight joint cuts the corner off; where headers cross the
+    wall it moves less far, as their own perpends stand a quarter off.
     """
     x = course.perpend(number)
     quarter = layout.pitch // 4
@@ -155,7 +155,7 @@ def _perpend(number: np.ndarray, run: np.ndarray, runs: Runs, course: Course,
 
 
 def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:
-    """Merge cells of one course that were cut level only because something ends beside them."""
+    """Merge cells of one course that were cut level only because of panels beside them."""
     left, right, left_joint, right_joint, header, bottom, top, depth, course = columns
     keys = (bottom, right_joint, left_joint, depth, right, left, course)
     order = np.lexsort(keys)
@@ -173,7 +173,7 @@ def _join_courses(columns: list[np.ndarray]) -> list[np.ndarray]:
 
 def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
            only: Leaf | None) -> Boxes:
-    """Give cells their depth: one unit through the wall, or two leaves of stretchers."""
+    """Extrude cells to units: one through the wall, or two leaves of stretchers."""
     left, right, left_joint, right_joint, header, bottom, top, depth = columns
 
     def units(rows: np.ndarray, leaf: Leaf, axis: int) -> Boxes:

@@ -48,16 +48,16 @@ from procphys_ros.wallgrammar.slopes import (
 )
 
 _CLEAR = 0.001        # [m] along the eaves, between the tiles of a slope and the valley
-_LEAST = 0.05         # [m] of a tile that must hang on a batten
+_LEAST = 0.05         # [m] least length of a tile on a batten
 _SHORTEST = 0.1       # [m] batten
 _SLEEPER = (0.15, 0.35)  # [m] least and largest width along the eaves
-_TOP = 0.06           # [m] in plan, from the ridge to the uppermost batten, and to spare
+_TOP = 0.06           # [m] in plan, from the ridge to the uppermost batten, with a margin
 _TAPERED = 0.02       # [m] least length of a rafter's underside
 
 
 class Edge(NamedTuple):
     """
-    Where a slope ends along the eaves: at + way · u, with u the distance from the eaves in plan.
+    End of a slope along the eaves: at + way · u, with u the distance from the eaves in plan.
 
     :ivar at: [m].
     :ivar way: -1, 0 or 1.
@@ -67,15 +67,15 @@ class Edge(NamedTuple):
     way: int
 
     def place(self, u: float) -> float:
-        """Give the end at a distance from the eaves [m]."""
+        """Return the end at a distance from the eaves [m]."""
         return self.at + self.way * u
 
 
 class Field(NamedTuple):
     """
-    A trapezium in plan that a slope is made of.
+    Trapezium in plan, part of a slope.
 
-    :ivar low, high: distances from the eaves in plan between which it lies [m].
+    :ivar low, high: least and greatest distance from the eaves in plan [m].
     :ivar start, end: its ends along the eaves.
     """
 
@@ -87,7 +87,7 @@ class Field(NamedTuple):
 
 class Row(NamedTuple):
     """
-    A row of a field.
+    Row of a field.
 
     :ivar low, high: along the slope [m].
     :ivar start, end: along the eaves, at its low and its high side [m], (2,).
@@ -102,7 +102,7 @@ class Row(NamedTuple):
 def bar_fields(length: float, span: float, mouths: Sequence[tuple[float, float]]
                ) -> tuple[Field, ...]:
     """
-    Divide a slope that stems grow out of.
+    Divide a slope that stems join into fields.
 
     :param length: of the eaves [m].
     :param span: horizontal distance from the eaves to the ridge [m].
@@ -123,7 +123,7 @@ def bar_fields(length: float, span: float, mouths: Sequence[tuple[float, float]]
 
 def least_step(span: float, pitch: float) -> float:
     """
-    Give by how much a stem that is not as wide as its bar must be narrower [m].
+    Compute the least difference in width between a bar and a narrower stem [m].
 
     Its valleys then end below the ridge tiles of the bar.
 
@@ -136,9 +136,9 @@ def least_step(span: float, pitch: float) -> float:
 
 def stem_field(length: float, mouth: float, mouth_first: bool) -> tuple[Field, ...]:
     """
-    Bound the slope of a stem.
+    Return the field of a stem's slope.
 
-    :param length: of the eaves, with what lies over the bar [m].
+    :param length: of the eaves, with their part over the bar [m].
     :param mouth: place of the bar's wall along the eaves [m].
     :param mouth_first: whether the valley is where the eaves start.
     """
@@ -149,9 +149,9 @@ def stem_field(length: float, mouth: float, mouth_first: bool) -> tuple[Field, .
 @dataclass(frozen=True)
 class ValleySlope(Slope):
     """
-    A plane of a roof that ends at valleys.
+    Plane of a roof that ends at valleys.
 
-    :ivar fields: what it is made of.
+    :ivar fields: its parts.
     :ivar mouths: stretches of the eaves without a wall below, at which rafters end flush [m].
     :ivar valley: place of the valley's foot and the way from there over the bar, along the eaves,
         for slopes of stems; None for those of bars.
@@ -164,11 +164,11 @@ class ValleySlope(Slope):
     yields: bool = False
 
     def _plan(self, x: float, z: float) -> float:
-        """Give the distance from the eaves in plan of a point of the slope's frame [m]."""
+        """Compute the distance from the eaves in plan of a point of the slope's frame [m]."""
         return x * float(cos(self.pitch)) - z * float(sin(self.pitch))
 
     def _along(self, u: float, z: float) -> float:
-        """Give the x of a point at a distance from the eaves in plan [m]."""
+        """Compute the x of a point at a distance from the eaves in plan [m]."""
         return (u + z * float(sin(self.pitch))) / float(cos(self.pitch))
 
     def set_rafters(self, site: Site, frame: int, place: np.ndarray, head: float) -> Ends:
@@ -203,13 +203,13 @@ class ValleySlope(Slope):
         return Ends(rows.start + first, rows.start + last, place, np.full(len(place), head))
 
     def beyond(self, place: np.ndarray) -> np.ndarray:
-        """Give how far over the bar places along the eaves of a stem lie [m]."""
+        """Compute how far over the bar places along the eaves of a stem lie [m]."""
         if self.valley is None:
             return np.full(np.shape(place), -np.inf)
         return self.valley.way * (place - self.valley.at)
 
     def foot(self, place: np.ndarray, z: np.ndarray | float) -> np.ndarray:
-        """Give the x at which a stem's rafter meets the top of the bar's sleepers [m]."""
+        """Compute the x at which a stem's rafter meets the top of the bar's sleepers [m]."""
         bed = (self.depth + BATTEN[1]) / cos(self.pitch)
         away = np.where(np.isinf(self.beyond(place)), 0.0, self.beyond(place))
         return (away * tan(self.pitch) + bed - z * cos(self.pitch)) / sin(self.pitch)
@@ -245,7 +245,7 @@ class ValleySlope(Slope):
         return lines
 
     def _battens(self, x: float, rafters: Ends, starts: np.ndarray) -> list[tuple[float, float]]:
-        """Give the ends of the battens on a line that rafters hold."""
+        """Return the ends of the battens that rafters hold on a line [m]."""
         level = self.depth + COVER
         u = self._plan(x, level) + 1e-9
         found = []
@@ -264,13 +264,13 @@ class ValleySlope(Slope):
         us = [self._plan(low, level), self._plan(high, level)]
         start = np.array([field.start.place(u) + abs(field.start.way) * _CLEAR for u in us])
         end = np.array([field.end.place(u) - abs(field.end.way) * _CLEAR for u in us])
-        empty = end < start  # at the foot of a valley: nothing, at the end that stands still
+        empty = end < start  # at the foot of a valley: empty, at the fixed end
         still = end if field.start.way else start
         return Row(low, high, np.where(empty, still, start), np.where(empty, still, end))
 
     def _rows(self, field: Field, lines: Sequence[float],
               battens: Sequence[tuple[float, float, float]]) -> list[Row]:
-        """Give rows of tiles that end on battens; where there is none, rows are joined."""
+        """Return rows of tiles that end on battens; rows without one between them are joined."""
         level = self.depth + COVER
         own = [x for x in lines if field.low - 1e-9 <= self._plan(x, level) <= field.high + 1e-9]
         rows: list[Row] = []
@@ -349,9 +349,9 @@ class ValleySlope(Slope):
 def prisms(site: Site, outlines: np.ndarray, low: float, high: float, frame: int, kind: str,
            material: str) -> Boxes:
     """
-    Make boards that stand upright on outlines.
+    Make upright prisms on outlines.
 
-    :param site: takes their forms.
+    :param site: receives their corners.
     :param outlines: corners -x -y, +x -y, -x +y, +x +y [m], (n, 4, 2).
     :param low, high: levels [m].
     """
@@ -370,10 +370,10 @@ def shape(site: Site, boxes: Boxes, row: int, axis: int, upper: bool,
     """
     Cut one end of a box slantwise.
 
-    :param site: takes its form.
-    :param axis: that the end looks along.
+    :param site: receives its corners.
+    :param axis: normal to the end.
     :param upper: whether it is the end at larger coordinates.
-    :param place: gives the coordinate of the end at points [m], (4, 3).
+    :param place: returns the coordinate of the end at points [m], (4, 3).
     """
     corners = box_corners(boxes.low[row:row + 1] / MICRO, boxes.high[row:row + 1] / MICRO)[0]
     there = ((np.arange(8) >> axis) & 1) == int(upper)

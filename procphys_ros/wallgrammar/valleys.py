@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Valleys: gable roofs over a bar and its stems, whose slopes grow into each other."""
+"""Valleys: gable roofs over a bar and its stems, whose slopes meet at valleys."""
 
 from collections.abc import Sequence
 
@@ -38,7 +38,7 @@ from procphys_ros.wallgrammar.walls import Elevation
 STEEP = (20.0, 60.0)  # [degrees] pitches of roofs with valleys
 _HEAD = 0.5 * RIDGE + 0.005  # [m] from the middle of the ridge to the rafters
 _BESIDE = 20_000      # [µm] between the outermost tie of a stem and the bar
-_EVERYWHERE = (-1.0, 1e3)    # [m] along a verge: there is none
+_EVERYWHERE = (-1.0, 1e3)    # [m] along a verge, all of which is taken
 
 
 def build(site: Site, walls: Sequence[Elevation], height: int, pitch: float, division: Division,
@@ -67,7 +67,7 @@ class _PartRoof(GableRoof):
     """A gable roof over a rectangle of a larger plan."""
 
     def gable(self, place: int, seat: int, top: int) -> None:
-        """Carry the wall at one end of the ridge on under the roof."""
+        """Continue the wall at one end of the ridge up to the roof."""
         across = 1 - self.axis
         for wall in self.walls:
             found = stretch_of(wall.facade, across, place, int(self.low[across]),
@@ -79,7 +79,7 @@ class _PartRoof(GableRoof):
 
     def set_slope(self, slope: ValleySlope, place: np.ndarray, ridge: np.ndarray,
                   plates: np.ndarray, taken: list[list[tuple[float, float]]]) -> int:
-        """Build one slope; give the index of its frame."""
+        """Build one slope; return the index of its frame."""
         frame = self._frame(slope)
         head = (slope.span - _HEAD) / float(cos(self.pitch))
         rafters = slope.set_rafters(self.site, frame, place, head)
@@ -91,7 +91,7 @@ class _PartRoof(GableRoof):
         return frame
 
     def along_eaves(self, side: int, edge: int) -> float:
-        """Give the place along the eaves of a slope, low or high side, of a coordinate [m]."""
+        """Convert a coordinate to the distance along the eaves, on the low or high side [m]."""
         first = int(self.low[self.axis] if side == self.axis else self.high[self.axis])
         return abs(edge - first) / MICRO
 

@@ -33,10 +33,10 @@ from procphys_ros.wallgrammar.tiling import join, lay, Leaf, Runs
 _BEARING = 150_000        # [µm] of a lintel at each side; UK practice (NHBC 6.1.8)
 _LEAST_BEARING = 100_000  # [µm] BS 5977-1
 _DEEPEST = 0.5            # of the thickness: how far a panel may stand in or out
-_MASONRY = 0              # classes from 0 up are masonry, below it are beams, openings, nothing
+_MASONRY = 0              # classes from 0 up are masonry; below are beams, openings and nothing
 _OPENING = -2
 _BEAM = -3
-_ARCH = -4   # until it is known which masonry is around it
+_ARCH = -4   # until the masonry around it is known
 _FIRST_BEAM = -5  # from here down each beam is a class of its own, while their bearings are sought
 
 
@@ -51,11 +51,11 @@ def gauge_pieces(pieces: Sequence[Piece], layout: Layout) -> list[Piece]:
 @dataclass
 class Elevation:
     """
-    A derived wall before it is built, so that floors and roofs can ask for room in it.
+    Derived wall before it is built, in which floors and roofs reserve room.
 
     :ivar facade: where it stands.
     :ivar pieces: panels, level edges on the courses.
-    :ivar panels: what the names of panels stand for.
+    :ivar panels: definitions by name.
     :ivar layouts: by name.
     :ivar layout: the one that sets thickness and courses.
     :ivar unit: kind of its bricks.
@@ -101,7 +101,7 @@ class Elevation:
         return regions
 
     def _check_units(self, regions: Regions) -> None:
-        """Refuse units that are longer or higher than every stretch of their panel type."""
+        """Check that units fit into at least one stretch of their panel type."""
         for (name, _), owner in self._classes.items():
             unit = self.layouts[self.panels[name].kind].unit
             _, left, right = regions.runs_of(owner)
@@ -115,7 +115,7 @@ class Elevation:
                                       f'"{name}", which has {room / 1e6:g} m')
 
     def obstacle(self, left: int, bottom: int, right: int, top: int) -> str | None:
-        """Name the first panel that is no masonry inside a rectangle [µm], if there is one."""
+        """Return the name of the first panel in a rectangle [µm] that is not masonry, or None."""
         for arch in self._arches:
             low, foot, high, crown = arch.bounds
             if low < right and high > left and foot < top and crown > bottom:
@@ -130,7 +130,7 @@ class Elevation:
         return int(filled.sum()) == (right - left) * (top - bottom)
 
     def _opening(self, left: int, bottom: int, right: int, top: int, below: int) -> str | None:
-        """Name the first panel of a class below another one inside a rectangle [µm]."""
+        """Return the name of the first panel in a rectangle [µm] of a class below one, or None."""
         for scope, owner, i in zip(self._scopes, self._owners, range(len(self._scopes))):
             inside = (scope[0] < right and scope[2] > left and scope[1] < top
                       and scope[3] > bottom)
@@ -154,7 +154,7 @@ class Elevation:
         return found
 
     def _check_room(self, arch: arching.Arch, others: Sequence[arching.Arch]) -> None:
-        """Refuse arches that spring from each other, from corners or from openings."""
+        """Check that arches keep clear of each other, of corners and of openings."""
         left, bottom, right, _ = arch.bounds
         scope, name = arch.piece.scope, arch.piece.panel
         low = max(-self.facade.start.yielded, 0)
@@ -182,12 +182,12 @@ class Elevation:
                    for piece, owner in zip(self.pieces, self._owners.tolist()))
 
     def set_back(self) -> list[Scope]:
-        """Give the places of panels that are set back, and so stand out inside."""
+        """List the scopes of panels that are set back, and so project inside."""
         return [piece.scope for piece, owner in zip(self.pieces, self._owners.tolist())
                 if piece.scope.depth > 0 and owner != EMPTY and owner not in self._thick]
 
     def check_inside(self) -> None:
-        """Refuse piers that stand out into rooms, where floors and partitions go."""
+        """Check that no piers project into rooms, where floors and partitions go."""
         for piece, owner in zip(self.pieces, self._owners.tolist()):
             if owner in self._thick and (piece.scope.depth + self._thick[owner].thickness
                                          > self.layout.thickness):
@@ -251,7 +251,7 @@ class Elevation:
 
 def unit_of(layout: Layout, brick: str) -> tuple[str, Joint]:
     """
-    Say what the units of a layout are and how they are joined: bricks laid, or boards nailed.
+    Return kind and joint of the units of a layout: bricks laid, or boards nailed.
 
     :param layout: of the wall.
     :param brick: kind of its bricks.
@@ -261,7 +261,7 @@ def unit_of(layout: Layout, brick: str) -> tuple[str, Joint]:
 
 def _classes(pieces: Sequence[Piece], panels: dict[str, Panel],
              layouts: dict[str, Layout]) -> dict[tuple[str, int], int]:
-    """Count the panel types that are tiled; a type that stands further out is another one."""
+    """Index the tiled panel types; the same type at another depth is another one."""
     classes: dict[tuple[str, int], int] = {}
     for piece in pieces:
         if panels[piece.panel].kind in layouts:
@@ -281,7 +281,7 @@ def _owner(piece: Piece, panels: dict[str, Panel], classes: dict[tuple[str, int]
 
 
 def _surrounded(pieces: Sequence[Piece], owners: np.ndarray) -> np.ndarray:
-    """Let the masonry above arches, or else beside them, go on around them."""
+    """Assign to arches the masonry above them, or else beside them."""
     scopes = np.array([piece.scope[:4] for piece in pieces], int).reshape(-1, 4)
     found = owners.copy()
     for i in np.flatnonzero(owners == _ARCH).tolist():
@@ -300,7 +300,7 @@ def _surrounded(pieces: Sequence[Piece], owners: np.ndarray) -> np.ndarray:
 
 
 def _check(elevation: Elevation, owners: np.ndarray, thick: dict[int, Layout]) -> None:
-    """Refuse what no mason could build: windows in corners, panels that stand off the wall."""
+    """Check that no windows stand in corners, and no panels off the wall."""
     facade, layout = elevation.facade, elevation.layout
     low = max(-facade.start.yielded, 0)
     high = facade.length - max(-facade.end.yielded, 0)
