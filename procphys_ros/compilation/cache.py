@@ -43,10 +43,10 @@ class KernelCache(_Cache):
 
     numba's own cache looks at the file of a kernel only, not at those of its callees, and runs
     old code after an upgrade; its index is not safe against two processes that write at once.
-    Here a file's name says all that its content depends on, and files are written whole or not
-    at all. Nothing that goes wrong with files keeps a kernel from running.
+    Here a file's name identifies all that its content depends on, and files are written
+    atomically. File errors never keep a kernel from running.
 
-    :param function: that is compiled.
+    :param function: to be compiled.
     """
 
     def __init__(self, function: Callable):
@@ -55,11 +55,11 @@ class KernelCache(_Cache):
 
     @property
     def cache_path(self) -> str:
-        """Name the folder."""
+        """Return the path of the folder."""
         return str(module_folder(self._function.__module__))
 
     def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """Give what was compiled for a signature, None when there is nothing."""
+        """Load the compiled overload of a signature; None when there is none."""
         rtsys.initialize(target_context)  # what machine code calls; numba's compiler needs more
         path = self._file(sig, target_context.codegen())
         payload = read(path)
@@ -73,7 +73,7 @@ class KernelCache(_Cache):
         return self._restore(target_context, pickle.loads(payload))
 
     def save_overload(self, sig: Any, data: CompileResult) -> None:
-        """Keep what was compiled for a signature."""
+        """Save the compiled overload of a signature."""
         path = self._file(sig, data.codegen)
         try:
             if self._enabled and not data.lifted and not data.library.has_dynamic_globals:
@@ -86,15 +86,15 @@ class KernelCache(_Cache):
             release(path)
 
     def enable(self) -> None:
-        """Use the files."""
+        """Enable the cache files."""
         self._enabled = True
 
     def disable(self) -> None:
-        """Leave the files alone."""
+        """Disable the cache files."""
         self._enabled = False
 
     def flush(self) -> None:
-        """Forget all overloads of the kernel."""
+        """Delete all cached overloads of the kernel."""
         for path in Path(self.cache_path).glob(f'{self._name}-*.nbc'):
             path.unlink(missing_ok=True)
 
@@ -108,7 +108,7 @@ class KernelCache(_Cache):
         return f'{name}-{code.co_firstlineno}'
 
     def _file(self, sig: Any, codegen: Any) -> Path:
-        """Name the file of an overload by all that makes it another."""
+        """Return the file of an overload, named by a hash of all that distinguishes it."""
         arguments, _ = normalize_signature(sig)
         cells = self._function.__closure__ or ()
         key = (str(arguments), codegen.magic_tuple(), self._function.__code__.co_code,
@@ -118,7 +118,7 @@ class KernelCache(_Cache):
 
 
 class SubroutineCache(KernelCache):
-    """Keeps the intermediate code of what only kernels call."""
+    """Keeps the intermediate code of subroutines."""
 
     def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
         return restore_subroutine(target_context, reduced)

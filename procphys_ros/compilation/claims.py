@@ -30,10 +30,10 @@ _held: list[tuple[Path, int]] = []  # innermost last: callees are compiled withi
 
 def claim(path: Path) -> None:
     """
-    Claim a file that this process is about to make, or wait until whoever claimed it is done.
+    Claim a file that this process is about to make, or wait until another process has made it.
 
     The system ends the claims of a process that ends. Processes of low priority wait, but claim
-    nothing: who waited for them would wait for long.
+    nothing: others would wait too long for them.
 
     :param path: of the file, which may be there afterwards; the claim is a locked file beside it.
     """
@@ -51,7 +51,7 @@ def claim(path: Path) -> None:
 
 
 def release(path: Path) -> None:
-    """End the claim on a file, and those made since: what was tried within it has failed."""
+    """Release the claim on a file, and those made since, which belong to failed compilations."""
     while any(held == path for held, _ in _held):
         inner, file = _held.pop()
         with suppress(OSError):

@@ -33,7 +33,7 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     """
     Compile a function with numba when it is first called, and cache it for the user.
 
-    :param function: what to compile; None = give a decorator with these options.
+    :param function: to be compiled; None = return a decorator with these options.
     :param options: of `numba.njit` but `parallel`; `cache` is implied.
     """
     if function is None:
@@ -53,7 +53,7 @@ def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
 
     It has no wrapper for Python and no machine code of its own, which is half of the work.
 
-    :param function: what to compile; None = give a decorator with these options.
+    :param function: to be compiled; None = return a decorator with these options.
     :param options: of `numba.njit` but `parallel`; `cache` is implied.
     """
     if function is None:
@@ -68,7 +68,7 @@ def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
 
 
 def inlined(function: Callable) -> Callable:
-    """Let kernels compile a function along with what calls it; Python calls it as it is."""
+    """Let kernels compile a function into its callers; Python calls it uncompiled."""
     return register_jitable(function)
 
 

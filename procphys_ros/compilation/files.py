@@ -24,7 +24,7 @@ _CHECKSUM = 32  # [B] of SHA-256, at the head of each file
 
 
 def read(path: Path) -> bytes | None:
-    """Read what `write` wrote; None when it is not there, or was cut short by a power failure."""
+    """Read the payload of a file by `write`; None when it is missing or damaged."""
     try:
         content = path.read_bytes()
     except OSError:
@@ -35,7 +35,7 @@ def read(path: Path) -> bytes | None:
 
 def write(path: Path, payload: bytes) -> None:
     """
-    Write a file such that a reader sees all of it or none.
+    Write a file atomically, with a checksum.
 
     :raises OSError: when that is not possible.
     """

@@ -71,12 +71,12 @@ def module_folder(module: str) -> Path:
 
 def prepare(folder: Path) -> None:
     """
-    Create the folder of a module's kernels, and remove what it replaces.
+    Create the folder of a module's kernels, and remove outdated ones.
 
-    Processes that still use what is removed go on: what they have loaded they keep, and what
-    they miss they compile.
+    Processes that still use a removed folder keep the kernels that they have loaded, and compile
+    the others.
 
-    :param folder: as given by `module_folder`.
+    :param folder: from `module_folder`.
     :raises OSError: when it cannot be created.
     """
     if folder.is_dir():

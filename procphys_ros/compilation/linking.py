@@ -31,13 +31,13 @@ from numba.core.cpu import _dynfunc
 from numba.core.environment import lookup_environment
 from numba.core.registry import CPUDispatcher
 
-# Names of what numba makes by itself: closures and array expressions among it have names that
-# differ within one process only, and code from two processes may be linked into one kernel.
+# Names of functions that numba generates: those of closures and array expressions are unique
+# within one process only, and code from two processes may be linked into one kernel.
 _MADE_BY_NUMBA = ('_ZN5numba', '_ZN13_3cdynamic_3e')
 
 
 class _Library(JITCodeLibrary):
-    """Code that others link as it is read back from a file, so that a file changes nothing."""
+    """Library that others link as if read back from a file, so that a file changes nothing."""
 
     _shared_module: binding.ModuleRef | None
     _bitcode: bytes | None = None
@@ -50,7 +50,7 @@ class _Library(JITCodeLibrary):
         return self._shared_module
 
     def _keep_apart(self) -> None:
-        """Hide what has no name of its own, so that nothing else is linked in its place."""
+        """Make functions without unique names internal, so that no others replace them."""
         for function in self._final_module.functions:
             if not function.is_declaration and function.name.startswith(_MADE_BY_NUMBA):
                 function.linkage = 'internal'
@@ -63,9 +63,9 @@ class KernelLibrary(_Library):
     def restored(cls, codegen: Any, name: str, machine_code: bytes,
                  bitcode: bytes) -> 'KernelLibrary':
         """
-        Give the library whose parts `serialize_using_object_code` wrote.
+        Restore a library from the output of `serialize_using_object_code`.
 
-        The intermediate code is not read until something links it.
+        The intermediate code is not read until it is linked.
         """
         library = cls(codegen, name)
         library.enable_object_caching()
@@ -75,7 +75,7 @@ class KernelLibrary(_Library):
         return library
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Give the address of a function, which must be there."""
+        """Look up the address of a function, which must exist."""
         self._ensure_finalized()
         return self._codegen._engine.get_function_address(name)
 
@@ -105,15 +105,15 @@ class SubroutineLibrary(_Library):
         self._keep_apart()
 
     def serialize_using_object_code(self) -> tuple[str, str, bytes]:
-        """Give what `restore_subroutine` reads."""
+        """Return the name, the format and the bitcode for `restore_subroutine`."""
         return self.name, 'bitcode', self._get_module_for_linking().as_bitcode()
 
 
 class KernelCompiler(Compiler):
-    """numba's compiler, but for the library."""
+    """numba's compiler with a `KernelLibrary`."""
 
     def define_pipelines(self) -> list:
-        """Give the library before a pass makes another."""
+        """Create the library before a pass makes another."""
         state = self.state
         state.library = KernelLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
@@ -124,7 +124,7 @@ class SubroutineCompiler(Compiler):
     """numba's compiler, up to intermediate code."""
 
     def define_pipelines(self) -> list:
-        """Give the library before a pass makes another, and nothing to execute."""
+        """Create the library before a pass makes another, and nothing to execute."""
         state = self.state
         state.library = SubroutineLibrary(state.targetctx.codegen(), state.func_id.func_qualname)
         state.targetctx = state.targetctx.subtarget(get_executable=_not_executable)
@@ -135,13 +135,13 @@ class Subroutine(CPUDispatcher):
     """A function that kernels call, and Python cannot."""
 
     def __call__(self, *_: Any) -> None:
-        """Refuse: there is no machine code."""
+        """Raise TypeError: there is no machine code."""
         raise TypeError(f'{self.py_func.__qualname__} is a subroutine, which only kernels can '
                         'call; what Python calls is a kernel')
 
 
 def restore_kernel(target_context: Any, reduced: tuple) -> CompileResult:
-    """Read what numba's `CompileResult._reduce` made of a compiled kernel."""
+    """Restore a compiled kernel from the output of numba's `CompileResult._reduce`."""
     (name, _, code), fndesc, environment = reduced[:3]
     library = KernelLibrary.restored(target_context.codegen(), name, *code)
     result = _result(target_context, reduced, library,
@@ -152,7 +152,7 @@ def restore_kernel(target_context: Any, reduced: tuple) -> CompileResult:
 
 
 def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
-    """Read what numba's `CompileResult._reduce` made of a compiled subroutine."""
+    """Restore a compiled subroutine from the output of numba's `CompileResult._reduce`."""
     (name, _, bitcode), fndesc, environment = reduced[:3]
     library = SubroutineLibrary(target_context.codegen(), name)
     library._final_module = library._shared_module = binding.parse_bitcode(bitcode)
@@ -163,7 +163,7 @@ def restore_subroutine(target_context: Any, reduced: tuple) -> CompileResult:
 
 def _result(target_context: Any, reduced: tuple, library: _Library,
             entry_point: Any) -> CompileResult:
-    """Give what numba keeps of a function, with a library that is restored."""
+    """Make numba's compile result of a function with a restored library."""
     (_, fndesc, environment, signature, objectmode, lifted, annotation, reload_init,
      referenced) = reduced
     return compile_result(
@@ -174,7 +174,7 @@ def _result(target_context: Any, reduced: tuple, library: _Library,
 
 
 def _not_executable(library: SubroutineLibrary, fndesc: Any, environment: Any) -> Any:
-    """Give a function without code, by which numba knows the subroutine."""
+    """Make a function without code, by which numba knows the subroutine."""
     library._ensure_finalized()
     return _dynfunc.make_function(fndesc.lookup_module(), fndesc.qualname, fndesc.qualname, 0,
                                   environment, (library,))

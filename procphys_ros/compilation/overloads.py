@@ -54,7 +54,7 @@ class Overload:
 
     def compile(self) -> bool:
         """
-        Compile and cache the overload unless it is there, and say whether that was necessary.
+        Compile and cache the overload unless it is cached; return whether that was necessary.
 
         :raises StaleOverload: when there is no such kernel, or it takes other arguments.
         """
@@ -68,12 +68,12 @@ class Overload:
 
 def shipped() -> tuple[list[Overload], ...]:
     """
-    List what simulations call from Python; callees are compiled along with it.
+    List the overloads that simulations call from Python; callees are compiled with them.
 
     `bench/overloads.py` records the list.
 
-    :returns: what trees need to stand and sway, what their markers need, each in the order in
-        which they need it; and the rest.
+    :returns: overloads for the motion of trees and for their markers, each in the order of
+        their use; and the rest.
     """
     content = json.loads(SHIPPED.read_text('utf-8'))
     return tuple([Overload(*row) for row in content[group]] for group in GROUPS)
@@ -85,7 +85,7 @@ def is_complete() -> bool:
 
 
 def mark_complete() -> None:
-    """Remember that all overloads have been compiled."""
+    """Record that all overloads have been compiled."""
     try:
         _mark().touch()
     except OSError:
@@ -93,7 +93,7 @@ def mark_complete() -> None:
 
 
 def _mark() -> Path:
-    """Name the file that stands for a complete cache."""
+    """Return the file that marks a complete cache."""
     modules = sorted({overload.module for group in shipped() for overload in group})
     known = [module_folder(module).name for module in modules] + [SHIPPED.read_text('utf-8')]
     digest = hashlib.sha256('\n'.join(known).encode()).hexdigest()[:16]

@@ -25,7 +25,7 @@ COMPILING = 'compiling kernels'
 
 
 class _Reporter(event.Listener):
-    """Passes numba's own events on."""
+    """Reports numba's compilation events as progress."""
 
     def on_start(self, event: Any) -> None:
         progress.begin(COMPILING, event.data['dispatcher'].py_func.__name__.lstrip('_'))
@@ -36,7 +36,7 @@ class _Reporter(event.Listener):
 
 class _GarbageKeeper(event.Listener):
     """
-    Collects no garbage while a kernel and its callees are compiled.
+    Suspends garbage collection while a kernel and its callees are compiled.
 
     numba makes objects by the million and keeps nearly all of them until it is done: looking for
     cycles among them takes a tenth of the time.

@@ -48,7 +48,7 @@ def to_text(kind: Any) -> Text:
 
 
 def from_text(text: Text) -> Any:
-    """Give the type that `to_text` described."""
+    """Reconstruct the type that `to_text` described."""
     if isinstance(text, str):
         return _SCALARS[text]
     family, *rest = text

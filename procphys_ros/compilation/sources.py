@@ -53,7 +53,7 @@ def source_digest(module: str) -> str:
 
 
 def imported_names(source: str) -> set[str]:
-    """List the dotted names that a source imports: of modules, and of what may be modules."""
+    """List the dotted names that a source imports: modules, and names that may be modules."""
     found: set[str] = set()
     for origin, members, modules in _IMPORT.findall(source):
         names = _NAME.findall(_COMMENT.sub('', members or modules))
@@ -63,7 +63,7 @@ def imported_names(source: str) -> set[str]:
 
 @cache
 def _known(module: str) -> tuple[str, set[str]] | None:
-    """Give the hash of a module's source and what that imports; None = there is no module."""
+    """Return the hash of a module's source and its imports; None = there is no module."""
     source = _source(module)
     if source is None:
         return None

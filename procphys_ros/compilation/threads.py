@@ -70,9 +70,9 @@ def group_ranges(starts: np.ndarray, threads: int) -> np.ndarray:
 
 def run(work: Work, bounds: np.ndarray) -> None:
     """
-    Do work on all ranges at once, and return when all is done.
+    Run work on all ranges concurrently, and wait for all.
 
-    Ranges run at the same time as far as `work` lets go of the interpreter, as kernels with the
+    Ranges run in parallel while `work` releases the interpreter lock, as kernels with the
     option `nogil` do.
 
     :param work: writes nothing that another range reads or writes.
@@ -94,15 +94,15 @@ def run(work: Work, bounds: np.ndarray) -> None:
 
 def beside(name: str, work: Callable[[], Result], threads: int) -> Callable[[], Result]:
     """
-    Begin with work on a further thread, while the caller goes on with something else.
+    Start work on another thread, while the caller goes on.
 
-    The work goes first until its first kernel lets go of the interpreter. What holds the
-    interpreter for long, as PyBullet does, would keep it from beginning otherwise.
+    The work goes first until its first kernel releases the interpreter lock: a caller that holds
+    it for long, as PyBullet does, would delay the start otherwise.
 
-    :param name: of the thread; what has the same name is done one after the other.
+    :param name: of the thread; work under the same name runs in sequence.
     :param work: reads nothing that the caller writes meanwhile, nor the other way round.
-    :param threads: with one only, all of it is done now.
-    :returns: what waits for the end of the work and gives its result, or raises its error.
+    :param threads: with one only, the work is done before returning.
+    :returns: function that waits for the work and returns its result, or raises its error.
     """
     if threads == 1:
         result = work()

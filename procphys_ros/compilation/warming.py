@@ -81,7 +81,7 @@ def warm(work: Iterable[Done], count: int, out: TextIO) -> bool:
     """
     Compile what the cache lacks.
 
-    :param work: compiles an overload whenever it is asked for the next one.
+    :param work: compiles one overload per step of the iteration.
     :param count: of the overloads.
     :param out: where to show the progress.
     :returns: whether every overload in the list could be compiled.
@@ -107,10 +107,10 @@ def _help(soon: Sequence[Overload], rest: Sequence[Overload], cores: int) -> Ite
     """
     Compile beside a node that is starting.
 
-    The node begins at the other end of what it needs for its first poses; the claims on files
+    The node compiles the kernels of its first poses from the other end; the claims on files
     keep the two from compiling the same. With a single core there is nothing to share.
 
-    :param soon: what the node waits for.
+    :param soon: overloads that the node waits for.
     """
     if cores == 1:
         os.nice(_LOW_PRIORITY)

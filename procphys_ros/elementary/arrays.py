@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Elementary functions of arrays, number by number as `elementary.functions` works them out."""
+"""Elementary functions of arrays, element by element as in `elementary.functions`."""
 
 from collections.abc import Callable
 from typing import Any
@@ -80,7 +80,7 @@ def _powers(x, y, out):
 
 
 def _each(scalar: Callable, loop: Callable, *arguments: Values) -> Any:
-    """Work out a function of a number in Python, and of arrays, broadcast, in a kernel."""
+    """Evaluate a function of numbers in Python, and of arrays, broadcast, in a kernel."""
     if all(isinstance(value, (float, int)) for value in arguments):
         return float(scalar(*map(float, arguments)))
     shape = np.broadcast_shapes(*map(np.shape, arguments))

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Random numbers out of uniform ones, which numpy draws with the same bits everywhere.
+Random numbers from uniform ones, which numpy draws with the same bits everywhere.
 
 Its own normal and exponential numbers pass through libm.
 """

@@ -19,7 +19,7 @@ They consist of sums, products, quotients and square roots in double precision, 
 rounds in one way only. Those of libm and numpy do not: they choose other code on other processors,
 with and without FMA or AVX-512. Arguments are reduced as by Cody & Waite 1980, *Software Manual
 for the Elementary Functions*; the rest is summed by Taylor's series. Errors are below four units
-in the last place, where a function does not say more.
+in the last place, unless a function states another bound.
 """
 
 import math

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Arithmetic on floats and arrays alike that refuses what has no finite answer."""
+"""Arithmetic on floats and arrays alike that refuses results that are not finite."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -27,7 +27,7 @@ Value: TypeAlias = 'float | np.ndarray'
 
 
 class ArithmeticRefusal(Exception):
-    """An operation without a finite answer; the evaluator adds the place in the text."""
+    """Operation without a finite result; the evaluator adds the place in the text."""
 
 
 def _finite(value: Value, what: str) -> Value:
@@ -37,7 +37,7 @@ def _finite(value: Value, what: str) -> Value:
 
 
 def _first(values: Value, wrong: np.ndarray) -> str:
-    """Show the first offending value, of many."""
+    """Format the first of the offending values."""
     return f'{np.broadcast_to(values, np.shape(wrong))[wrong].flat[0]:g}'
 
 
@@ -74,7 +74,7 @@ def sqrt(x: Value) -> Value:
 
 
 def log(x: Value) -> Value:
-    """Take the natural logarithm; what is not positive is refused."""
+    """Take the natural logarithm; values that are not positive are refused."""
     _refuse_where(np.less_equal(x, 0.0), x, 'log({}) does not exist')
     return elementary.log(x)
 

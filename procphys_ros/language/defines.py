@@ -29,10 +29,10 @@ _LARGEST = sys.float_info.max
 
 def generator_of(seed: int, source: str) -> np.random.Generator:
     """
-    Make the source of all random numbers of a derivation.
+    Make the generator of all random numbers of a derivation.
 
     :param source: name of the grammar, for errors.
-    :raises GrammarError: for a seed that is no whole number, or negative.
+    :raises GrammarError: for a seed that is negative or not a whole number.
     """
     if not isinstance(seed, numbers.Integral) or seed < 0:
         raise GrammarError(f'the seed is {seed!r}, it must be a whole number, 0 or more', source)
@@ -46,7 +46,7 @@ def resolve_defines(definitions: Sequence[tuple[str, Expression]],
     Evaluate the defines of a grammar in order; each may use those before it.
 
     :param definitions: name and compiled value.
-    :param overrides: values that replace what the grammar says.
+    :param overrides: values that replace those of the grammar.
     :param generator: source of random numbers.
     :param source: name of the grammar, for errors.
     :returns: value of every define.

@@ -43,7 +43,7 @@ _DEEPEST = 150  # nested operations; keeps the closures far below Python's recur
 @dataclass(frozen=True)
 class Scope:
     """
-    What an expression is evaluated with.
+    Evaluation context of an expression.
 
     :ivar values: float or (count,) array of each name.
     :ivar count: number of elements.
@@ -206,7 +206,7 @@ def compile_expression(tree: Tree, source: str = '<text>', first_line: int = 1,
     """
     Compile a parsed expression.
 
-    :param tree: what lark made of the rule `expression`, with positions.
+    :param tree: of the lark rule `expression`, with positions.
     :param source: name of the file or parameter, for errors.
     :param first_line: line of the file on which the parsed text began.
     :param known: names that may occur; None = any.

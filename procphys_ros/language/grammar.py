@@ -63,7 +63,7 @@ NUMBER: /(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?/
 NAME: /[A-Za-z_][A-Za-z0-9_]*/
 """
 
-# What a user calls the terminals above; those of a larger grammar are given beside them.
+# Names of the terminals above in messages; a larger grammar adds its own.
 EXPRESSION_WORDS = {
     '_OR': 'an operator', '_AND': 'an operator', 'COMPARE': 'an operator',
     '_LESS': 'an operator', '_MORE': 'an operator', '_PLUS': 'an operator',

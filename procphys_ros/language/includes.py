@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Includes: find and read the grammars that a grammar takes definitions from."""
+"""Includes: find and read the grammars from which a grammar includes definitions."""
 
 from collections.abc import Collection
 import os
@@ -26,15 +26,15 @@ from procphys_ros.language.syntax import read_text, shorten
 from procphys_ros.resources import shared_folder
 
 _GRAMMARS = ('.lsys', '.wall')
-MOST_INCLUDES = 32  # files that one grammar may take in, however indirectly
+MOST_INCLUDES = 32  # files that one grammar may include, directly or indirectly
 
 
 def find_grammar(path: str | Path) -> Path:
     """
-    Find a grammar file as programs name it.
+    Find a grammar file by its path or shipped name.
 
     :param path: of the file, or the name of a shipped one where there is no such file.
-    :returns: the path as it is when there is neither.
+    :returns: the path unchanged when there is neither.
     """
     given = Path(path)
     shipped = shared_folder() / 'grammars' / given
@@ -47,11 +47,11 @@ def read_include(name: str, folder: Path | None, place: Place,
     Read a file that a grammar includes.
 
     :param name: of the file, as written.
-    :param folder: of the grammar that names it, where it is looked for first; None = unknown.
-    :param place: where it is named.
-    :param seen: files that were taken in already; each is taken in once.
-    :returns: path and text; None when it was taken in before.
-    :raises GrammarError: when there is no such text, or there are too many.
+    :param folder: of the including grammar, searched first; None = unknown.
+    :param place: of the include.
+    :param seen: files included already; each is included once.
+    :returns: path and text; None when it was included before.
+    :raises GrammarError: when the file cannot be included, or there are too many.
     """
     if not name.strip() or not name.isprintable():
         raise place.error(f'"{shorten(name)}" is not a file name')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Parsers made by lark, whose tables are kept beside the compiled kernels."""
+"""Parsers made by lark, whose tables are cached beside the compiled kernels."""
 
 import hashlib
 from io import BytesIO
@@ -27,9 +27,9 @@ from procphys_ros.compilation.folders import environment_folder, prepare
 
 def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
     """
-    Make an LALR parser that knows the place of each node, or take it from the user's cache.
+    Make an LALR parser that knows the place of each node, or load it from the user's cache.
 
-    Nothing that goes wrong with files keeps it from being made.
+    File errors never keep it from being made.
 
     :param name: dotted name of the module whose parser it is.
     :param grammar: in lark's own language.
@@ -49,5 +49,5 @@ def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
         prepare(path.parent)
         write(path, made_tables.getvalue())
     except OSError:
-        pass  # what keeps kernels has said so
+        pass  # the cache of kernels has warned of it
     return made

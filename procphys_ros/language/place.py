@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Place: where in a grammar text something stands, to be named in errors."""
+"""Place: a position in a grammar text, named in errors."""
 
 from typing import NamedTuple
 import warnings
@@ -25,7 +25,7 @@ from procphys_ros.errors import GrammarError, GrammarWarning
 
 class Place(NamedTuple):
     """
-    A position in a grammar text.
+    Position in a grammar text.
 
     :ivar source: name of the file or parameter.
     :ivar line: 1-based.
@@ -39,7 +39,7 @@ class Place(NamedTuple):
     @classmethod
     def of(cls, node: Tree | Token, source: str, first_line: int = 1) -> 'Place':
         """
-        Find where a parsed piece begins.
+        Find the start of a parsed node.
 
         :param node: tree with positions, or token.
         :param source: name of the file or parameter.
@@ -52,7 +52,7 @@ class Place(NamedTuple):
         return cls(source, line + first_line - 1, spot.column)
 
     def warn(self, message: str) -> None:
-        """Warn of what is legal at this place, but mostly a slip."""
+        """Warn of a construct at this place that is legal, but probably a mistake."""
         text = str(GrammarError(message, self.source, self.line, self.column))
         warnings.warn(GrammarWarning(text), stacklevel=2)
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Turn what lark could not read into an error in the user's words."""
+"""Texts of grammars and their syntax errors, explained in the user's words."""
 
 from collections.abc import Iterable, Mapping
 import os
@@ -28,18 +28,18 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.language.grammar import EXPRESSION_WORDS
 from procphys_ros.schema import short
 
-# [characters] Ten times what the largest of grammars needs; one of nothing but symbols takes 10 s
-# to read, and reading cannot be interrupted.
+# [characters] Ten times the largest grammar; a text of symbols only takes 10 s to parse, which
+# cannot be interrupted.
 LONGEST_TEXT = 200_000
 
 
 def check_length(text: str, source: str) -> None:
     """
-    Refuse a text that nobody has written as a grammar.
+    Check that a grammar is a text of acceptable length.
 
     :param text: of the grammar.
     :param source: name of the file or parameter.
-    :raises GrammarError: when it is longer than `LONGEST_TEXT`, or no text at all.
+    :raises GrammarError: when it is longer than `LONGEST_TEXT`, or not a text.
     """
     if not isinstance(text, str):
         raise GrammarError(f'the grammar is {short(text)}, it must be a text', source)
@@ -50,10 +50,10 @@ def check_length(text: str, source: str) -> None:
 
 def read_text(path: str | Path) -> str:
     """
-    Read a grammar file, no further than a grammar is long.
+    Read a grammar file, up to the greatest length of a grammar.
 
-    :param path: of the file, UTF-8 with or without the mark that editors of Windows put in front.
-    :raises GrammarError: when there is no such text.
+    :param path: of the file, UTF-8 with or without byte order mark.
+    :raises GrammarError: when it cannot be read, or is too long.
     """
     source = shorten(str(path))
     try:
@@ -75,7 +75,7 @@ def read_text(path: str | Path) -> str:
 
 
 def _read_regular(path: str | Path, most: int) -> bytes:
-    """Read a regular file, and nothing that may have no end or never begins, up to a length."""
+    """Read a regular file up to a length; refuse pipes and devices, which may never end."""
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without writer would wait
     with open(handle, 'rb') as file:
         if not stat.S_ISREG(os.fstat(handle).st_mode):
@@ -84,24 +84,24 @@ def _read_regular(path: str | Path, most: int) -> bytes:
 
 
 def shorten(text: str, most: int = 200) -> str:
-    """Show a name that may be of any length, and hold characters that no screen shows."""
+    """Format a name for messages: shortened, with unprintable characters escaped."""
     text = _shown(text)
     return text if len(text) <= most else f'{text[:most]}… ({len(text)} characters)'
 
 
 def _shown(text: str) -> str:
-    """Write signs that no screen shows by their code."""
+    """Escape unprintable characters."""
     return text if text.isprintable() else ascii(text)[1:-1]
 
 
 class _NoLexer:
-    """Stand in for the lexer where only the parser is asked; lark 1.3 takes the token class."""
+    """Stub of the lexer where only the parser is used; lark 1.3 takes the token class."""
 
     _Token = Token
 
 
 def _accepted(problem: UnexpectedCharacters) -> Iterable[str]:
-    """Keep of the terminals that the lexer tried those that the parser could have used."""
+    """Filter the terminals that the lexer tried to those that the parser accepts."""
     if not hasattr(problem.state, 'parse_conf'):  # raised outside the LALR parser
         return problem.allowed or ()
     return InteractiveParser(None, problem.state, _NoLexer()).accepts()
@@ -123,10 +123,10 @@ def syntax_error(problem: UnexpectedInput, source: str, first_line: int = 1,
     """
     Explain an input that does not fit the grammar: what was found, what was expected.
 
-    :param problem: what lark raised.
+    :param problem: raised by lark.
     :param source: name of the file or parameter.
     :param first_line: line of the file on which the parsed text began.
-    :param words: what a user calls the terminals of the grammar; those of expressions are known.
+    :param words: names of the grammar's terminals in messages; those of expressions are known.
     """
     expected: Iterable[str] = ()
     found, line, column = 'the end', 0, 0

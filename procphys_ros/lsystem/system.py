@@ -56,9 +56,9 @@ class LSystem:
         Read a grammar.
 
         :param text: in the language of `grammars/*.lsys`.
-        :param source: what to call it in errors.
+        :param source: name for errors.
         :param max_modules: longest string that it may derive.
-        :param folder: where included files are looked for first; then among the shipped ones.
+        :param folder: searched for included files before the shipped ones.
         :raises GrammarError: when the text is not an L-system, or very long.
         """
         check_length(text, source)
@@ -78,7 +78,7 @@ class LSystem:
 
     @property
     def name(self) -> str:
-        """Name that the grammar gives itself."""
+        """Name stated in the grammar."""
         return self.grammar.name
 
     @property
@@ -90,7 +90,7 @@ class LSystem:
         """
         Derive the string, before interpretation.
 
-        :param steps: number of derivation steps; None = what the grammar says.
+        :param steps: number of derivation steps; None = that of the grammar.
         :param seed: of all random choices; the same seed gives the same string.
         :param defines: values that replace those of the grammar.
         :raises GrammarError: when growth passes its bounds or an expression has no value.
@@ -116,7 +116,7 @@ class LSystem:
 
     def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
-        Grow the tree.
+        Build the blueprint of the tree.
 
         :param seed: of all random choices.
         :param defines: values that replace those of the grammar.

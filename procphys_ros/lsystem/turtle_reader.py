@@ -46,12 +46,12 @@ _NOTHING = Symbol(Op.NOTHING, ())
 @dataclass(frozen=True)
 class Turtle:
     """
-    Reads strings.
+    Turtle that interprets strings of modules.
 
     :ivar origins: place and name of every module of the grammar, for errors.
     :ivar source: name of the grammar.
     :ivar angle: of turns without a parameter [degrees]; None = such turns are refused.
-    :ivar textures: names that the grammar gives to its textures; empty = the default ones.
+    :ivar textures: names of the grammar's textures; empty = the default ones.
     """
 
     origins: Sequence[tuple[Place, str]]
@@ -61,10 +61,10 @@ class Turtle:
 
     def draw(self, modules: Modules) -> Drawing:
         """
-        Follow the string from the origin, heading up.
+        Interpret a string from the origin, heading up.
 
-        :param modules: what to read; modules without a meaning are passed over.
-        :raises GrammarError: for values that no segment can have, naming symbol and place.
+        :param modules: the string; modules without a meaning are skipped.
+        :raises GrammarError: for values out of range, naming symbol and place.
         """
         meanings = [SYMBOLS.get(name, _NOTHING) for name in modules.vocabulary.names]
         op = np.array([m.op for m in meanings], np.int64)[modules.key]
@@ -91,7 +91,7 @@ class Turtle:
 
     def _tables(self, op: np.ndarray) -> tuple:
         """
-        Make room for all that the walk may record.
+        Allocate the tables that the walk fills.
 
         :returns: segments, boneless segments and leaves (rows of carrier, module, length or size,
             and the whole state), triangles (carrier, module, texture, three corners), corners of
@@ -113,7 +113,7 @@ class Turtle:
 
     def _check(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
                allowed: Range) -> None:
-        """Refuse the first value, of one row each, that does not lie in a range."""
+        """Check that values, one for each row, lie in a range."""
         wrong = np.flatnonzero(~allowed.holds(values))
         if len(wrong):
             raise self._error(modules, int(rows[wrong[0]]),
@@ -121,7 +121,7 @@ class Turtle:
 
     def _check_symbols(self, modules: Modules, op: np.ndarray, argument: np.ndarray,
                        meanings: Sequence[Symbol]) -> None:
-        """Refuse wrong counts and values where they are written."""
+        """Check counts and values of the parameters as written."""
         present = np.bincount(modules.key, minlength=len(meanings)) > 0
         for key in np.flatnonzero(present).tolist():
             arity = modules.vocabulary.arities[key]
@@ -159,7 +159,7 @@ class Turtle:
                 f'number {allowed}' + (f' ({", ".join(self.textures)})' if self.textures else ''))
 
     def _check_segments(self, modules: Modules, segments: np.ndarray) -> None:
-        """Refuse values that rates have driven out of range."""
+        """Check that rates have not driven values out of range."""
         rows = segments[:, 1].astype(np.int64)
         for index, attribute in enumerate(ATTRIBUTES):
             values = segments[:, HEAD + walk.VALUES + index]
@@ -176,7 +176,7 @@ class Turtle:
                     f'check {attribute.name} and {attribute.name}Rate')
 
     def _check_reach(self, modules: Modules, *tables: np.ndarray) -> None:
-        """Refuse what lies further from the root than any tree reaches, and odd leaves."""
+        """Check that coordinates and sizes of leaves lie in their ranges."""
         segments, leaves, pieces, triangles = tables
         for table, first, last in ((segments, HEAD, HEAD + 3), (leaves, HEAD, HEAD + 3),
                                    (pieces, HEAD, HEAD + 3), (triangles, 3, 12)):
@@ -209,7 +209,7 @@ class Turtle:
 
 
 def _first_state() -> np.ndarray:
-    """At the origin, heading up, left along x (so the world's axes are left, up, heading)."""
+    """Return the state at the origin: left, up, heading along the world's x, y, z."""
     state = np.zeros(walk.STATE_SIZE)
     state[walk.HEADING + 2] = state[walk.LEFT] = state[walk.UP + 1] = 1.0
     state[walk.PARENT] = -1.0

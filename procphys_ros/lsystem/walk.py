@@ -43,7 +43,7 @@ _LEAF_OP, _NEXT, _ATTRIBUTE, _RATE = map(int, (
     Op.LEAF, Op.NEXT_TEXTURE, Op.ATTRIBUTE, Op.RATE))
 
 
-# Columns of what has been filled, and what `walk` may find wrong
+# Indices of the counts of filled rows, and the faults that `walk` returns
 SEGMENTS, PIECES, LEAVES, TRIANGLES, CORNERS, POLYGONS = range(6)
 _UNOPENED, _UNCLOSED, _NO_DIRECTION = 1, 2, 3
 FAULTS = {
@@ -55,7 +55,7 @@ FAULTS = {
 
 @subroutine(inline='always')
 def _copy(source, target):
-    """Copy numbers one by one: assigned slices take seconds to compile, for their errors."""
+    """Copy numbers one by one: slice assignments take seconds to compile, for their errors."""
     for k in range(len(source)):
         target[k] = source[k]
 
@@ -152,7 +152,7 @@ def _level(state):
 
 @subroutine
 def _orient(state, given):
-    """Take the heading that is given, and up if it is given; False when they are no frame."""
+    """Set heading, and up if given; return False when they form no frame."""
     size = np.sqrt(given[0] ** 2 + given[1] ** 2 + given[2] ** 2)
     if not size > 0.0:
         return False
@@ -176,7 +176,7 @@ def _advance(state, length):
 
 @subroutine
 def _after_segment(state):
-    """Apply rates and tropism (after segments without bone too); remove rounding."""
+    """Apply rates and tropism (also after segments without bone); remove rounding."""
     for k in range(_COUNT):
         if state[RATES + k] != 1.0:
             state[VALUES + k] *= state[RATES + k]
@@ -187,7 +187,7 @@ def _after_segment(state):
 
 @subroutine
 def _carrier(state, segments):
-    """Give the segment that carries an ornament: the one before it, else the next to come."""
+    """Return the segment that carries an ornament: the one before it, else the next."""
     return state[PARENT] if state[PARENT] >= 0.0 else segments
 
 
@@ -207,7 +207,7 @@ def _same(a, b):
 
 @subroutine
 def _corner(state, vertices, opened, filled):
-    """Add a corner to the innermost polygon, unless it is the last one again."""
+    """Add a corner to the innermost polygon, unless it repeats the last one."""
     last = filled[CORNERS] - 1
     position = state[POSITION:POSITION + 3]
     if last < opened[filled[POLYGONS] - 1] or not _same(vertices[last], position):
@@ -217,7 +217,7 @@ def _corner(state, vertices, opened, filled):
 
 @subroutine
 def _fill(state, vertices, first, triangles, filled, module):
-    """Cut the polygon that is closed into a fan of triangles."""
+    """Triangulate a closed polygon as a fan."""
     count = filled[CORNERS]
     if count > first and _same(vertices[first], vertices[count - 1]):
         count -= 1  # the polygon was closed by hand
@@ -271,7 +271,7 @@ def _turn(state, op, sign, given, angle):
 
 @subroutine
 def _set(state, op, argument, given):
-    """Follow the symbols that only change the state; False for directions that are none."""
+    """Apply a symbol that only changes the state; return False for an invalid direction."""
     if op == _ATTRIBUTE:
         if len(given):
             state[VALUES + argument] = given[0]
@@ -293,7 +293,7 @@ def _set(state, op, argument, given):
 
 @subroutine
 def _draw(state, op, argument, given, tables, opened, filled, module):
-    """Follow one symbol other than a bracket; gives the fault."""
+    """Apply one symbol other than a bracket; return the fault, 0 = none."""
     segments, pieces, leaves, triangles, vertices, angle = tables
     if op <= _MOVE:
         length = given[0] if len(given) else 1.0
@@ -324,18 +324,18 @@ def _draw(state, op, argument, given, tables, opened, filled, module):
 @kernel
 def walk(op, argument, starts, counts, values, state, depth, polygons, tables):
     """
-    Follow a string.
+    Interpret a string.
 
-    :param op: what to do for each module, (M,).
+    :param op: action of each module, (M,).
     :param argument: sign of a turn or index of an attribute, (M,).
-    :param starts: where the parameters of each module begin in `values`, (M,).
-    :param counts: how many it has, (M,).
+    :param starts: index of the first parameter of each module in `values`, (M,).
+    :param counts: number of its parameters, (M,).
     :param values: parameters of all modules.
-    :param state: the turtle's at the start, (STATE_SIZE,), changed.
+    :param state: initial state of the turtle, (STATE_SIZE,), modified.
     :param depth: deepest nesting of brackets.
-    :param polygons: how many polygons may be open at once.
+    :param polygons: largest number of polygons open at once.
     :param tables: to be filled, see `turtle_reader`; and the angle of turns without one [rad].
-    :returns: the fault, its module, and how many rows of each table are filled.
+    :returns: the fault, its module, and the number of filled rows of each table.
     """
     stack = np.empty((depth, STATE_SIZE))
     opened = np.empty(polygons, np.int64)

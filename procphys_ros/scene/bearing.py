@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Bearing: objects that stand on others, bonded to what is under their feet."""
+"""Bearing: objects that stand on others, bonded to the faces under their feet."""
 
 from dataclasses import replace
 
@@ -24,9 +24,9 @@ from procphys_ros.errors import SceneError
 from procphys_ros.hexahedron import box_corners, faces
 from procphys_ros.linear import norm, product
 
-_UPRIGHT = 0.999      # least height of the unit normal of a face that bears
-_REACH = 0.02         # [m] between a foot and what bears it
-_LEAST_AREA = 1e-4    # [m²] smaller overlaps bear nothing
+_UPRIGHT = 0.999      # least z of the unit normal of a bearing face
+_REACH = 0.02         # [m] largest gap between a foot and its bearing face
+_LEAST_AREA = 1e-4    # [m²] smaller overlaps are ignored
 
 
 def bear(base: Blueprint, placed: Blueprint, name: str, on: str) -> tuple[Blueprint, np.ndarray]:
@@ -77,7 +77,7 @@ def bear(base: Blueprint, placed: Blueprint, name: str, on: str) -> tuple[Bluepr
 
 
 def _outlines(placed: Blueprint, rows: np.ndarray) -> np.ndarray:
-    """Give the corners of level patches, counter-clockwise [m], (K, 4, 2)."""
+    """Compute the corners of level patches, counter-clockwise [m], (K, 4, 2)."""
     corners = np.zeros((len(rows), 4, 3))
     corners[..., :2] = 0.5 * placed.bond_extent[rows, None] * np.array(
         [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
@@ -86,7 +86,7 @@ def _outlines(placed: Blueprint, rows: np.ndarray) -> np.ndarray:
 
 
 def _tops(base: Blueprint) -> tuple[list[np.ndarray], np.ndarray]:
-    """Give the level faces that look up, counter-clockwise [m], (4, 3) each, and their parts."""
+    """Return the faces that look up, counter-clockwise [m], (4, 3) each, and their parts."""
     box = np.flatnonzero(base.shape == Shape.BOX)
     half = 0.5 * base.size[box]
     pose = base.poses[box, None]
@@ -109,7 +109,7 @@ def _near(outlines: np.ndarray, tops: list[np.ndarray]) -> list[tuple[int, int]]
 
 
 def _patch(outline: np.ndarray, top: np.ndarray) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Give middle, extents along the foot's sides, and area of where a foot lies on a face."""
+    """Compute middle, extents along the foot's sides [m] and area of a foot on a face [m²]."""
     from procphys_ros.wallgrammar.polygons import clip, moments  # few scenes need it
     shared = clip(outline, top[:, :2])
     if len(shared) < 3:

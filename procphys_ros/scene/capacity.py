@@ -24,7 +24,7 @@ _MEMORY = Path('/proc/meminfo')
 
 
 def available_memory() -> int | None:
-    """Read how much memory new processes can have [bytes]; None where that is not known."""
+    """Read the memory available to new processes [bytes]; None where that is unknown."""
     try:
         lines = _MEMORY.read_text('ascii').splitlines()
     except OSError:
@@ -35,10 +35,10 @@ def available_memory() -> int | None:
 
 def check_capacity(parts: int, memory: int | None) -> None:
     """
-    Refuse scenes that memory cannot hold, before it is spent.
+    Check that memory can hold a scene, before it is allocated.
 
     :param parts: of the scene.
-    :param memory: that it may take [bytes]; None = unknown.
+    :param memory: available [bytes]; None = unknown.
     :raises SceneError: naming both numbers.
     """
     if memory is None or parts * _PER_PART <= memory:
@@ -51,11 +51,11 @@ def check_capacity(parts: int, memory: int | None) -> None:
 
 def check_addition(name: str, parts: int, memory: int | None) -> None:
     """
-    Refuse what a running scene cannot take in, before memory is spent on it.
+    Check that memory can hold an addition to a running scene, before it is allocated.
 
-    :param name: of what is added.
-    :param parts: that it has.
-    :param memory: that is free beside the running scene [bytes]; None = unknown.
+    :param name: of the addition.
+    :param parts: number of its parts.
+    :param memory: free beside the running scene [bytes]; None = unknown.
     :raises SceneError: naming both numbers.
     """
     if memory is None or parts * _PER_PART <= memory:

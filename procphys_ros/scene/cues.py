@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Cues: what a scene does by itself, and when."""
+"""Cues: timed events of a scene."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -32,12 +32,12 @@ _FORM = '"<seconds> <verb> name=value …", such as "2.5 launch mass=300 velocit
 @dataclass(frozen=True)
 class Blow:
     """
-    An impulse on a part.
+    Impulse on a part.
 
     :ivar target: name or index of the part.
     :ivar linear: [N·s], (3,), world axes.
     :ivar angular: [N·m·s], (3,).
-    :raises SceneError: when a value is none; the message names it.
+    :raises SceneError: when a value is invalid; the message names it.
     """
 
     target: str = declared('', 'part that ~/apply_impulse hits, as oak_0/17 or an index')
@@ -58,10 +58,10 @@ _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
 @dataclass(frozen=True)
 class Cue:
     """
-    Something that happens at its time.
+    Event at a simulated time.
 
     :ivar time: simulated [s].
-    :ivar text: as the scene has it.
+    :ivar text: as written in the scene.
     :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion` or `Demolition`.
     """
 
@@ -72,11 +72,11 @@ class Cue:
 
 def read_cues(parameters: Mapping[str, Any]) -> tuple[Cue, ...]:
     """
-    Read `scene.cues`; what a cue does not say is as in the scene's `gust.*`, `projectile.*` etc.
+    Read `scene.cues`; values that a cue omits are those of `gust.*`, `projectile.*` etc.
 
     :param parameters: nested mapping as a ROS parameter file holds it.
     :returns: the cues in the order of their times.
-    :raises SceneError: naming the cue, what is wrong with it and what is allowed.
+    :raises SceneError: naming the cue, the fault and what is allowed.
     """
     scene = parameters.get('scene', {})
     texts = scene.get('cues', []) if isinstance(scene, Mapping) else []

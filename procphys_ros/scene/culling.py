@@ -13,19 +13,19 @@
 # limitations under the License.
 
 
-"""Settings of the level of detail: what is simulated less, far from the observer."""
+"""Settings of the level of detail far from the observer."""
 
 from dataclasses import dataclass
 
 from procphys_ros.schema import check, declared
 
-_MOST_STEPS = 4  # longer ones smooth the sway of small branches away
+_MOST_STEPS = 4  # longer intervals smooth away the sway of small branches
 
 
 @dataclass(frozen=True)
 class CullingSettings:
     """
-    Schemes that save work, each by itself; none is in use unless it is asked for.
+    Independent schemes that save work, all off by default.
 
     All but sleeping need an observer, and do nothing before there is one.
 
@@ -35,10 +35,10 @@ class CullingSettings:
     :ivar aspect: width over height of the picture.
     :ivar widening: by which the view is opened on each side [rad].
     :ivar sleeping: whether trees that have come to rest in still air stop being stepped.
-    :ivar far_distance: where trees count as far [m].
-    :ivar far_interval: far trees go on once in so many steps at most, one step more for every
-        `far_distance` that they are away; 1 = always at every step.
-    :ivar debris_distance: what falls further from the observer [m] breaks into few large pieces,
+    :ivar far_distance: beyond which trees count as far [m].
+    :ivar far_interval: most steps between updates of far trees, which wait one step more for
+        every `far_distance` that they are away; 1 = update in every step.
+    :ivar debris_distance: debris further from the observer [m] breaks into few large pieces,
         which stand for many small ones; 0 = nowhere.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """

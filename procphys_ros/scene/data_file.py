@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that scenes name: where they are looked for."""
+"""Data files of scenes, and the folders searched for them."""
 
 import os
 from pathlib import Path
@@ -27,12 +27,12 @@ _PACKAGE = 'package://procphys_ros/'
 
 def find_data_file(key: str, name: str, beside: Path | None) -> Path:
     """
-    Find a file that a scene names.
+    Find a data file of a scene.
 
     :param key: of the scene file, for messages.
     :param name: file beside the scene file, a path, or package://procphys_ros/….
-    :param beside: folder of the scene file, looked into first; None = there is none.
-    :raises SceneError: naming where it was looked for.
+    :param beside: folder of the scene file, searched first; None = there is none.
+    :raises SceneError: naming the places searched.
     """
     candidates = [Path(os.path.expanduser(name))]
     if name.startswith(_PACKAGE):

@@ -24,7 +24,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
 from procphys_ros.scene.data_file import find_data_file
 
-MOST_CORNERS = 1_050_625  # 1025 x 1025, what PyBullet takes with room to spare
+MOST_CORNERS = 1_050_625  # 1025 x 1025, well below what PyBullet takes
 _LARGEST = 8 * MOST_CORNERS + 1024  # [bytes] of an array of them with its header
 _TALLEST = 9300.0  # [m] from the shore of the Dead Sea to the summit of Mount Everest
 _KEY = 'terrain.file'
@@ -33,7 +33,7 @@ _HEADER = ('ncols', 'nrows', 'xllcorner', 'yllcorner', 'xllcenter', 'yllcenter',
 
 
 class _FormatError(ValueError):
-    """What is wrong with a file, in words that tell nothing of what is in it."""
+    """Fault of a file, in words that reveal nothing of its content."""
 
 
 def read_heights(name: str, beside: Path | None,
@@ -42,11 +42,11 @@ def read_heights(name: str, beside: Path | None,
     Read heights over a grid.
 
     :param name: file beside the scene file, a path, or package://procphys_ros/….
-    :param beside: folder of the scene file, looked into first; None = there is none.
+    :param beside: folder of the scene file, searched first; None = there is none.
     :param white: height of white in a PNG [m].
     :returns: [m], (X, Y), x to the right and y up as pictures and maps show them, and the edge of
         a cell [m], 0 = the file does not say.
-    :raises SceneError: naming the file, what is wrong and what is allowed.
+    :raises SceneError: naming the file, the fault and what is allowed.
     """
     path = find_data_file(_KEY, name, beside)
     reader = {'.png': _png, '.npz': _npz, '.asc': _ascii}.get(path.suffix.lower())
@@ -69,7 +69,7 @@ def read_heights(name: str, beside: Path | None,
         raise SceneError(f'{_KEY}: {path} has {len(gaps)} cells without a height, the first in '
                          f'row {gaps[0][0] + 1}, column {gaps[0][1] + 1}; every cell needs one')
     low, high = float(heights.min()), float(heights.max())
-    if not high - low <= _TALLEST:  # what maps put where they know nothing is often a number
+    if not high - low <= _TALLEST:  # no-data values of maps are often numbers
         raise SceneError(f'{_KEY}: {path} has heights from {low:g} to {high:g} m, at most '
                          f'{_TALLEST:g} m may lie between the lowest and the highest; is one of '
                          'them no height, but stands for a gap?')
@@ -104,7 +104,7 @@ def _png(path: Path) -> tuple[np.ndarray, float]:
 
 
 def _npz(path: Path) -> tuple[np.ndarray, float]:
-    """Read the array `heights`, rows from north to south, and `cell` where it is there."""
+    """Read the array `heights`, rows from north to south, and `cell` if present."""
     with zipfile.ZipFile(path) as members:
         if any(member.file_size > _LARGEST for member in members.infolist()):
             raise _FormatError(f'it unpacks to more than {_LARGEST} bytes, at most {MOST_CORNERS} '

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Settings of the intruder: a body that something outside of the simulation moves."""
+"""Settings of the intruder: a body moved from outside the simulation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ _LARGEST = 50.0  # [m]
 @dataclass(frozen=True)
 class IntruderSettings:
     """
-    What a robot, a drone or a vehicle of another simulator is here.
+    Collision body of a robot, a drone or a vehicle of another simulator.
 
     :ivar shape: 'sphere' or 'box'.
     :ivar size: edges along its axes [m], (3,); a single number gives all three.
@@ -47,5 +47,5 @@ class IntruderSettings:
 
     @property
     def edges(self) -> np.ndarray:
-        """Give full extents along its axes [m], (3,)."""
+        """Return the full extents along its axes [m], (3,)."""
         return edges_of('intruder', self.shape, self.size, _LARGEST, SceneError)

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Settings of intruders: bodies by name that something outside of the simulation moves."""
+"""Settings of intruders: named bodies moved from outside the simulation."""
 
 from dataclasses import dataclass
 import re
@@ -36,12 +36,12 @@ _NUMBERS = {'sphere': 1, 'box': 3, 'capsule': 2}
 @dataclass(frozen=True)
 class IntrudersSettings:
     """
-    What robots, drones or vehicles of another simulator are here.
+    Collision bodies of robots, drones or vehicles of another simulator.
 
     :ivar names: of the bodies.
     :ivar shapes: of each: 'sphere DIAMETER', 'box X Y Z', 'capsule DIAMETER LENGTH' along z, over
         the round ends, or 'mesh FILE [SCALE]' [m].
-    :raises SceneError: when one makes no sense; the message names it.
+    :raises SceneError: when one is invalid; the message names it.
     """
 
     names: tuple[str, ...] = declared((), 'bodies that ~/intruders moves, in its order')
@@ -65,7 +65,7 @@ class IntrudersSettings:
 
     def pieces(self) -> dict[str, Pieces]:
         """
-        Give the collision shapes of each.
+        Make the collision shapes of each intruder, by name.
 
         :raises SceneError: when the file of a mesh cannot be read.
         """

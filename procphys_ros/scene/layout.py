@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Where the instances of one object stand: in a row, on a grid, or scattered."""
+"""Layouts: places of the instances of one object in a row, on a grid, or scattered."""
 
 from itertools import product
 import math

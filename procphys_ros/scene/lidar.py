@@ -27,7 +27,7 @@ _MOST_RAYS = 1_000_000
 @dataclass(frozen=True)
 class LidarSettings:
     """
-    A sensor that measures ranges.
+    Range sensor.
 
     :ivar rate: scans per second of simulated time [Hz]; 0 = none.
     :ivar pattern: 'spherical' as a lidar, 'pinhole' as a depth camera.

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Meshes as solids: files of triangles, filled with boxes that everything can collide with."""
+"""Meshes as solids: files of triangles, filled with collision boxes."""
 
 import os
 from pathlib import Path
@@ -54,7 +54,7 @@ def read_mesh(name: str, key: str) -> np.ndarray:
     try:
         mesh: Any = trimesh.load(path, force='mesh', process=False)
         triangles = np.asarray(mesh.triangles, float)
-    except Exception as error:  # whatever the reader of a format makes of a broken file
+    except Exception as error:  # readers of formats raise anything on broken files
         raise SceneError(f'{key}: "{shorten(name)}" cannot be read as a mesh: '
                          f'{str(error) or type(error).__name__}') from error
     if not len(triangles) or not np.isfinite(triangles).all():
@@ -86,7 +86,7 @@ def boxes_in(triangles: np.ndarray) -> Pieces:
 
 def _inside(triangles: np.ndarray, low: np.ndarray, cell: np.ndarray,
             count: np.ndarray) -> np.ndarray:
-    """Return which cells have their centres inside, (X, Y, Z): an odd number of faces above."""
+    """Mark the cells with centres inside, (X, Y, Z): those with an odd number of faces above."""
     # A little off the middle, so that no line runs along an edge that two triangles share.
     off = 0.5 + np.array([1.3e-6, 2.1e-6])
     x = low[0] + (np.arange(count[0]) + off[0]) * cell[0]

@@ -50,7 +50,7 @@ def scene_file(word: str) -> Path:
 
 
 def shown_name(word: str) -> str:
-    """Return what to call a scene: the name of a shipped one, also by its path, or the word."""
+    """Return the display name of a scene: of a shipped one, also by its path, or the word."""
     path = Path(word).resolve()
     return next((name for name, file in shipped_scenes().items() if file.resolve() == path), word)
 
@@ -63,8 +63,7 @@ def open_scene(word: str, seed: int | None = None,
     :param word: as `scene_file` takes it, or a grammar: a path, or the name of a shipped one.
     :param seed: of a grammar; None = 0.
     :param defines: of a grammar; those that are not given keep its own values.
-    :raises SceneError: when there is nothing of this name, or a scene is given what is for a
-        grammar.
+    :raises SceneError: when the name is unknown, or a scene gets arguments for a grammar.
     :raises GrammarError: when a grammar cannot be read or derived.
     """
     if Path(word).suffix not in GRAMMARS:

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Objects that the parameters of a scene name."""
+"""Objects named in the parameters of a scene."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -88,17 +88,17 @@ class ObjectSpec:
 
     @property
     def numbers(self) -> dict[str, float]:
-        """Turn the defines into numbers by name."""
+        """Parse the defines to numbers by name."""
         return read_defines(self.defines, f'{self.name}.defines')
 
 
 def read_defines(defines: Sequence[str], key: str) -> dict[str, float]:
     """
-    Turn defines into numbers by name.
+    Parse defines to numbers by name.
 
     :param defines: each as 'name=number'.
     :param key: of the parameter, for messages.
-    :raises SceneError: when one is not of that form, or two are of one name.
+    :raises SceneError: when one is not of that form, or two have the same name.
     """
     numbers = {}
     for text in defines:

@@ -125,7 +125,7 @@ def is_of_an_object(name: str) -> bool:
 
 
 def check_object_names(names: list[str]) -> None:
-    """Raise SceneError for a name that cannot head parameters, or would hide the node's own."""
+    """Raise SceneError for a name that cannot begin parameters, or would hide the node's own."""
     for name in names:
         if not _NAME.match(name):
             raise SceneError(f'scene.objects: {short(name)} cannot name an object; use letters, '
@@ -137,7 +137,7 @@ def check_object_names(names: list[str]) -> None:
 
 def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
     """
-    Give parameters as the nested mapping that a scene is built from.
+    Convert parameters to the nested mapping that a scene is built from.
 
     :param values: by full name.
     :param objects: names of the objects.

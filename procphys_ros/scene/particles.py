@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Settings of what is small and light: leaves on their petioles and off, and dust."""
+"""Settings of particles: leaves, attached and shed, and dust."""
 
 from dataclasses import dataclass
 
@@ -23,12 +23,12 @@ from procphys_ros.schema import check, declared
 @dataclass(frozen=True)
 class LeafSettings:
     """
-    What leaves do beyond riding on their branches.
+    Flutter and shedding of leaves.
 
     :ivar flutter: whether they move finely about their petioles.
     :ivar shedding: whether strong wind tears them off.
-    :ivar shedding_speed: the least local wind that takes a leaf [m/s]; at three times as much
-        two thirds of them are gone. Low values are for autumn. Species whose grammar names a
+    :ivar shedding_speed: least local wind that sheds leaves [m/s]; at three times as much two
+        thirds of them are gone. Low values are for autumn. Species whose grammar names a
         speed of their own keep its ratio to 17 m/s.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
@@ -45,10 +45,10 @@ class LeafSettings:
 @dataclass(frozen=True)
 class DustSettings:
     """
-    Dust of bursting mortar and of things that hit the ground and each other.
+    Dust of breaking mortar, and of bodies that hit the ground and each other.
 
-    :ivar enabled: whether there is any.
-    :ivar capacity: number of puffs; when there are more, the oldest are forgotten.
+    :ivar enabled: whether dust is simulated.
+    :ivar capacity: number of puffs; beyond it the oldest are deleted.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 

@@ -25,7 +25,7 @@ from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.scene.plan import Street
 
-_LIFT = 0.02  # [m] over the ground, so that nothing flickers
+_LIFT = 0.02  # [m] over the ground, against z-fighting
 _LEAST = 1e-6  # [m²] of a piece
 _MOST_CELLS = 20_000  # of a terrain that one plan's streets may cover
 
@@ -33,7 +33,7 @@ _MOST_CELLS = 20_000  # of a terrain that one plan's streets may cover
 def pave(streets: Sequence[Street], terrain: Terrain, origin: np.ndarray,
          turn: np.ndarray, where: str) -> list[Paving]:
     """
-    Lay the surfaces of streets; where two cross, the first one's road goes on.
+    Lay the surfaces of streets; where two cross, the first one's road continues.
 
     :param streets: of a plan.
     :param terrain: that they lie on.
@@ -69,7 +69,7 @@ def pave(streets: Sequence[Street], terrain: Terrain, origin: np.ndarray,
 
 def without(piece: np.ndarray, other: np.ndarray) -> Iterator[np.ndarray]:
     """
-    Give what is left of a convex polygon outside of another one, as convex polygons.
+    Subtract a convex polygon from another one; yield the rest as convex polygons.
 
     :param piece: corners, (K, 2), counterclockwise; other likewise.
     """
@@ -84,7 +84,7 @@ def without(piece: np.ndarray, other: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def _laid_on(terrain: Terrain, texture: str, pieces: Iterable[np.ndarray]) -> Paving:
-    """Cut polygons along the edges of a terrain's triangles, and give them its height."""
+    """Cut polygons along the edges of a terrain's triangles, and lift them to its height."""
     if not terrain.is_flat:
         for way in ((1.0, 0.0), (0.0, 1.0), (1.0, 1.0)):
             normal = np.array(way) / terrain.edge

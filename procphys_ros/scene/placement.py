@@ -31,10 +31,10 @@ from procphys_ros.physics.world.merging import merge_boxes
 
 FOOTING = 'footing'  # kind of the blocks below a building
 _EMBEDDED = 0.1   # [m] that footings reach into the ground at least
-_STEP = 0.2       # [m] height of the steps that they go down in
+_STEP = 0.2       # [m] height of the steps of footings
 _LENGTH = 0.8     # [m] of a step along the wall at most
-_LEVEL = 0.02     # [m] of air below a wall that needs no footing
-_LOOKS = 9        # at the ground along each side of a block
+_LEVEL = 0.02     # [m] largest gap below a wall without footing
+_LOOKS = 9        # samples of the ground along each side of a block
 # Concrete C30/37, as the wall grammars have it: EN 1992-1-1 Table 3.1; between soil and concrete
 # the modulus is over a metre of ground.
 _DENSITY, _TENSION, _COHESION, _FRICTION, _COMPRESSION = 2400.0, 3.5e6, 0.9e6, 0.7, 30e6
@@ -43,10 +43,10 @@ _NORMAL_STIFFNESS, _SHEAR_STIFFNESS = 33e9, 14e9  # [Pa/m]
 
 def unbonded(blueprint: Blueprint, height: float) -> Blueprint:
     """
-    Take the bonds to the ground away from what is built, and put above the ground.
+    Remove the ground bonds of a building that is placed above the ground.
 
     :param blueprint: the object.
-    :param height: where its origin goes above the ground [m].
+    :param height: of its origin above the ground [m].
     """
     held = (blueprint.bonds[:, 0] == GROUND) & (blueprint.bond_law == Law.MORTAR)
     if height <= _LEVEL or not held.any():
@@ -61,7 +61,7 @@ def stand_on(terrain: Terrain, placed: Blueprint, name: str) -> Blueprint:
     """
     Place an object on the ground: its heights count from there.
 
-    What grows is raised plant by plant, by the ground at its root. A building is raised as a whole
+    Plants are raised one by one, by the ground at their roots. A building is raised as a whole
     by the highest ground under its plan, and gets footings where the ground is lower.
 
     :param terrain: the surface of the ground.
@@ -105,7 +105,7 @@ def _raised(blueprint: Blueprint, lift: np.ndarray) -> Blueprint:
 
 
 def _of_plants(terrain: Terrain, placed: Blueprint) -> np.ndarray:
-    """Give how far each part goes up with the root of its plant [m], (N,)."""
+    """Compute the lift of each part: the ground height at the root of its plant [m], (N,)."""
     inner = placed.bonds[placed.bonds[:, 0] != GROUND]
     count = len(placed)
     links = scipy.sparse.coo_matrix(
@@ -121,7 +121,7 @@ def _of_plants(terrain: Terrain, placed: Blueprint) -> np.ndarray:
 
 
 def _highest(terrain: Terrain, placed: Blueprint, parts: np.ndarray) -> float:
-    """Give the highest ground under the rectangle about some parts [m]."""
+    """Find the highest ground under the bounding rectangle of some parts [m]."""
     frame = placed.poses[parts[0]]
     turn = rotation.to_matrix(rotation.from_yaw(_heading(frame)))[:2, :2]
     reach = 0.5 * hypot(placed.size[parts, 0], placed.size[parts, 1]).max()
@@ -139,7 +139,7 @@ def _heading(pose: np.ndarray) -> float:
 
 
 def _with_footings(terrain: Terrain, building: Blueprint, base: np.ndarray) -> Blueprint:
-    """Fill the air below the parts of a building that stand on the ground, and bond them to it."""
+    """Fill the gap between a building's lowest parts and the ground by bonded footings."""
     walls = merge_boxes(building.poses[base], building.size[base], 0.0)
     doors = _below_doors(building, base)
     blocks = [block for poses, sizes in (walls, doors) for pose, size in zip(poses, sizes)
@@ -156,13 +156,13 @@ def _with_footings(terrain: Terrain, building: Blueprint, base: np.ndarray) -> B
 
 
 def _below_doors(building: Blueprint, base: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give runs of what reaches down to the foot of the walls without bearing on the ground."""
+    """Return runs of boxes that reach the foot of the walls but do not bear on the ground."""
     foot = _lower_faces(building, base)
     others = np.setdiff1d(building.bonds[building.bond_law == Law.MORTAR], np.append(base, GROUND))
     others = others[_lower_faces(building, others) < foot.min() + _LEVEL]
     if not len(others):
         return np.zeros((0, 7)), np.zeros((0, 3))
-    # Boards stand on end; what is below them is as thick as the walls.
+    # Boards stand on end; the footing below them is as thick as the walls.
     turn = rotation.to_matrix(building.poses[others, 3:])
     size = building.size[others]
     wall = float(np.median(np.sort(building.size[base], axis=1)[:, 1]))
@@ -179,14 +179,14 @@ def _below_doors(building: Blueprint, base: np.ndarray) -> tuple[np.ndarray, np.
 
 
 def _lower_faces(building: Blueprint, parts: np.ndarray) -> np.ndarray:
-    """Give the heights of the lowest points of boxes [m], (K,)."""
+    """Compute the heights of the lowest points of boxes [m], (K,)."""
     up = np.abs(rotation.to_matrix(building.poses[parts, 3:])[:, 2])
     return building.poses[parts, 2] - 0.5 * (up * building.size[parts]).sum(axis=1)
 
 
 def _blocks(terrain: Terrain, pose: np.ndarray,
             size: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Cut what is below a run of wall into steps: poses (7,) and extents (3,)."""
+    """Cut the footing below a run of wall into steps: poses (7,) and extents (3,)."""
     turn = rotation.to_matrix(pose[3:])
     up = int(np.argmax(np.abs(turn[2])))  # bricks may stand on end
     along = max((a for a in range(3) if a != up), key=lambda a: size[a])
@@ -211,7 +211,7 @@ def _blocks(terrain: Terrain, pose: np.ndarray,
 
 
 def _below(poses: np.ndarray, sizes: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Give the block whose top a point lies on, -1 = none, (K,)."""
+    """Find the block whose top each point lies on, -1 = none, (K,)."""
     found = np.full(len(points), -1)
     for k, (pose, size) in enumerate(zip(poses, sizes)):
         inside = rotation.rotate(rotation.conjugate(pose[3:]), points - pose[:3])
@@ -222,7 +222,7 @@ def _below(poses: np.ndarray, sizes: np.ndarray, points: np.ndarray) -> np.ndarr
 
 
 def _footings(poses: np.ndarray, sizes: np.ndarray) -> Blueprint:
-    """Make blocks of concrete that are cast into the ground with their lower faces."""
+    """Make blocks of concrete that are bonded to the ground at their lower faces."""
     count = len(poses)
     mass = _DENSITY * sizes.prod(axis=1)
     frames = poses.copy()

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Plans: streets with plots and rows of trees, each with its grammar, as `*.plan` files say."""
+"""Plans: streets with plots and rows of trees, each with its grammar, from `*.plan` files."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ _SIDES = ('left', 'right')
 @dataclass(frozen=True)
 class Street:
     """
-    A straight street.
+    Straight street.
 
     :ivar start: of its middle [m], (2,).
     :ivar end: likewise.
@@ -69,7 +69,7 @@ class Street:
 
     def strip(self, right: float, left: float) -> np.ndarray:
         """
-        Give the corners of a strip along all of the street, counterclockwise [m], (4, 2).
+        Compute the corners of a strip along the street, counterclockwise [m], (4, 2).
 
         :param right: its lesser distance from the middle of the street, positive to the left [m].
         :param left: its larger one.
@@ -79,7 +79,7 @@ class Street:
                          self.end + left * side, self.start + left * side])
 
     def place(self, along: float, beyond: float, left: bool) -> np.ndarray:
-        """Give the place so far along the street and beyond its kerb [m], (2,)."""
+        """Locate a point by its distances along the street and beyond its kerb [m], (2,)."""
         way = np.array([cos(self.heading), sin(self.heading)])
         side = np.array([-way[1], way[0]]) * (1.0 if left else -1.0)
         return self.start + along * way + (0.5 * self.width + beyond) * side
@@ -88,7 +88,7 @@ class Street:
 @dataclass(frozen=True)
 class Row:
     """
-    Houses or trees along one side of a street.
+    Row of houses or trees along one side of a street.
 
     :ivar is_plots: whether these are houses.
     :ivar street: that they stand along.
@@ -97,7 +97,7 @@ class Row:
     :ivar defines: least, largest value and step of each define; step 0 = any value between.
     :ivar count: of houses, or of trees.
     :ivar gap: between houses, or from tree to tree [m].
-    :ivar beyond: of the fronts, or of the trees, from the kerb [m].
+    :ivar beyond: distance of the fronts, or of the trees, from the kerb [m].
     :ivar first: where the row starts along the street [m].
     :ivar where: file and line, for messages.
     """
@@ -135,7 +135,7 @@ class Row:
 @dataclass(frozen=True)
 class Plan:
     """
-    What a file says.
+    Content of a plan file.
 
     :ivar streets: in its order.
     :ivar rows: of houses, then of trees.
@@ -163,7 +163,7 @@ def read_plan(path: Path) -> Plan:
 
 
 class _Keys:
-    """A mapping of a plan, whose values are asked for by key and checked."""
+    """Mapping of a plan, whose values are read by key and checked."""
 
     def __init__(self, node: Any, file: str, known: Sequence[str]):
         self.where = f'{file}:{node.start_mark.line + 1}' if node is not None else file

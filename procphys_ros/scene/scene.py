@@ -48,7 +48,7 @@ from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.schema import Parameter, short
 
 _LOG = logging.getLogger(__name__)
-_SMALLEST = 0.5  # of the mean number of parts of the individuals so far: those to come have more
+_SMALLEST = 0.5  # of the mean part count so far, as a lower bound for the individuals to come
 _POSITION = Parameter('position', [0.0, 0.0, 0.0], 'where the origin of an object goes', 'm')
 _YAW = Parameter('yaw', 0.0, 'turn of an object about the vertical', 'rad')
 
@@ -70,9 +70,9 @@ class SceneObject:
 
 def check_name(name: str) -> None:
     """
-    Refuse a name by which the parts of an object could not be named, as in oak_0/17.
+    Check that a name can begin the names of parts, as in oak_0/17.
 
-    :raises SceneError: when it is no text, holds a slash, or a sign that no screen shows.
+    :raises SceneError: when it is not a text, or has a slash or unprintable characters.
     """
     if not isinstance(name, str) or '/' in name or not name.isprintable():
         raise SceneError(f'{short(name)} cannot name an object; a name is a text without a slash '
@@ -81,9 +81,9 @@ def check_name(name: str) -> None:
 
 def check_place(name: str, blueprint: Blueprint, position: Sequence[float], yaw: float) -> None:
     """
-    Refuse an object that cannot be placed.
+    Check that an object can be placed.
 
-    :raises SceneError: when its name is none, it is no blueprint, or its place is not finite.
+    :raises SceneError: for an invalid name, a place that is not finite, or no blueprint.
     """
     check_name(name)
     if not isinstance(blueprint, Blueprint):
@@ -100,14 +100,14 @@ class Scene:
     :ivar objects: instances in part order.
     :ivar settings: gravity, time step, seed, wind and gust.
     :ivar paving: of its streets.
-    :ivar shard: which share of a larger scene this is.
+    :ivar shard: its share of a larger scene.
     """
 
     def __init__(self, settings: Settings | None = None):
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
-        self._carriers: list[np.ndarray] = []  # by object and bond: what bears it, -1 = none
+        self._carriers: list[np.ndarray] = []  # by object and bond: the bearing part, -1 = none
         self.paving: list[Paving] = []
         self.shard = Shard()
         self._instances = 0
@@ -137,7 +137,7 @@ class Scene:
         Build a scene from a nested mapping of parameters.
 
         :param parameters: as in the `ros__parameters` of a parameter file.
-        :param beside: folder of that file, where grammars are looked for first; None = unknown.
+        :param beside: folder of that file, searched first for grammars; None = unknown.
         :raises SceneError: naming the key and what is allowed.
         :raises GrammarError: when a grammar cannot be read or derived.
         """
@@ -177,14 +177,14 @@ class Scene:
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
             yaw: float = 0.0, name: str = '', on: str = '') -> SceneObject:
         """
-        Place a blueprint; what is built is bonded to the ground where it stands on it.
+        Place a blueprint; buildings are bonded to the ground where they stand on it.
 
         :param blueprint: what to place; it is not changed.
         :param position: where its origin goes [m], (3,), world frame; z counts from the ground.
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
         :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
-        :raises SceneError: when the name is none or taken, the place not finite or off the
+        :raises SceneError: when the name is invalid or taken, the place not finite or off the
             terrain, when nothing of the object `on` is under it, or when memory cannot hold so
             many parts.
         """
@@ -209,7 +209,7 @@ class Scene:
         return placed
 
     def _bear(self, placed: Blueprint, name: str, on: str) -> tuple[Blueprint, np.ndarray]:
-        """Stand something on an object; give for each bond the part of the scene that bears it."""
+        """Place an object on another; return it and the bearing part of each bond, -1 = none."""
         names = [known.name for known in self.objects]
         if on not in names:
             raise SceneError(f'{name}.on: there is no object "{on}" before it'
@@ -264,7 +264,7 @@ class Scene:
             self._lay_out(spec, number, locate(spec.grammar, key, beside))
 
     def _lay_out(self, spec: ObjectSpec, number: int, path: Path) -> None:
-        """Build and place what is in a plan."""
+        """Build and place the streets, houses and trees of a plan."""
         grammars: dict[str, Grammar] = {}
 
         def build(name: str, seed: int, defines: dict[str, float]) -> Blueprint:

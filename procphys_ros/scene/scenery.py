@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""How a scene is shown in pictures and films: camera, sun and sky."""
+"""Settings of pictures and films: camera, sun and sky."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ MOTIONS = ('fixed', 'orbit', 'follow')
 @dataclass(frozen=True)
 class CameraSettings:
     """
-    Where the camera of `render` stands, and how it moves in a film.
+    Camera of `render`: its place, and its motion in a film.
 
     :ivar motion: 'fixed', 'orbit' around the target, or 'follow' a part.
     :ivar part: name of the part that is followed.
@@ -35,7 +35,7 @@ class CameraSettings:
     :ivar target: what it looks at [m], (3,); None = the middle of the scene, or the part.
     :ivar field_of_view: vertical [degrees].
     :ivar period: of one round of an orbit [s].
-    :raises SceneError: when a value is out of its range, or the camera stands where it looks.
+    :raises SceneError: when a value is out of its range, or position and target coincide.
     """
 
     motion: str = declared('fixed', 'how the camera of `render` moves', choices=MOTIONS)
@@ -65,7 +65,7 @@ class CameraSettings:
 @dataclass(frozen=True)
 class SunSettings:
     """
-    Where the sun of `render` stands.
+    Sun of `render`.
 
     :ivar azimuth: clockwise from north, which is +y [degrees].
     :ivar elevation: above the horizon [degrees].
@@ -86,7 +86,7 @@ class SunSettings:
 @dataclass(frozen=True)
 class SkySettings:
     """
-    What the sky of `render` is like.
+    Sky of `render`.
 
     :ivar clouds: share of it that they cover, 0 to 1; they dim the sun.
     :ivar visibility: distance at which things have faded to 37 % [m].

@@ -41,7 +41,7 @@ _Group = TypeVar('_Group')
 @dataclass(frozen=True)
 class Settings:
     """
-    What holds for the whole scene.
+    Settings of the whole scene.
 
     :ivar seed: seed of everything random.
     :ivar time_step: [s].
@@ -49,18 +49,18 @@ class Settings:
     :ivar engine: of rigid bodies, 'bullet', 'native', or 'auto' for the first installed.
     :ivar threads: that kernels run on; 0 = one per core.
     :ivar wind: mean wind and turbulence.
-    :ivar wind_record: what `wind.file` holds; () = there is none.
-    :ivar gust: what `gust` starts when nothing else is said.
-    :ivar cues: what happens by itself, and when.
+    :ivar wind_record: content of `wind.file`; () = there is none.
+    :ivar gust: default values of gusts.
+    :ivar cues: timed events.
     :ivar trees: whether their crowns touch.
     :ivar leaves: flutter and shedding.
     :ivar dust: of bursting mortar and impacts.
-    :ivar culling: what is simulated less, because nobody looks closely.
+    :ivar culling: level of detail far from the observer.
     :ivar intruder: shape and size of a body moved from outside.
     :ivar intruders: further ones, by name.
     :ivar camera, sun, sky: of pictures and films.
-    :ivar ground: what the ground looks like.
-    :ivar terrain: its surface, as `ground` asks for it.
+    :ivar ground: settings of the ground.
+    :ivar terrain: its surface, made from `ground`.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -94,7 +94,7 @@ class Settings:
 
     def intruder_pieces(self) -> dict[str, Pieces]:
         """
-        Give the collision shapes of all intruders, by name.
+        Make the collision shapes of all intruders, by name.
 
         :raises SceneError: when the file of a mesh cannot be read.
         """

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Shards: which instances of a scene one of several nodes simulates."""
+"""Shards: the partition of a scene among several nodes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -47,22 +47,22 @@ class Shard:
 
     def members(self, first: int, count: int) -> range:
         """
-        Choose which of some instances belong to this share.
+        Select the instances that belong to this share.
 
         :param first: number of instances in the scene before these.
-        :param count: how many these are.
-        :returns: places among these.
+        :param count: number of these.
+        :returns: indices among these.
         """
         return range((self.index - first) % self.count, count, self.count)
 
     def own(self, name: str) -> str:
-        """Give what comes to this share alone, while it runs, a name that no other share has."""
+        """Make a name unique among shares, for an object that only this share receives."""
         return name if self.count == 1 else f'{name}_shard_{self.index}'
 
 
 def read_shard(parameters: Mapping[str, Any]) -> Shard:
     """
-    Read which share of a scene is wanted.
+    Read the share of a scene to simulate.
 
     :param parameters: nested mapping as a ROS parameter file holds it.
     :raises SceneError: naming the key, the value and what is allowed.

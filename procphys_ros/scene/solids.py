@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The simple solids that a scene file can ask for: a sphere, a box."""
+"""Simple solids of scene files: sphere and box."""
 
 from collections.abc import Sequence
 
@@ -29,10 +29,10 @@ def edges_of(key: str, shape: str, size: float | Sequence[float], largest: float
     Read the extents of a solid along its axes.
 
     :param key: of its parameters, in front of `.shape` and `.size` in messages.
-    :param shape: what should be one of `SHAPES`.
+    :param shape: checked to be one of `SHAPES`.
     :param size: a diameter or three edges [m].
     :param largest: that an edge may be [m].
-    :param error: class of what is raised.
+    :param error: class of the exception.
     :returns: [m], (3,).
     :raises ProcPhysError: of that class, when there is no such solid.
     """

@@ -34,7 +34,7 @@ _PACKAGE = 'package://procphys_ros/'
 
 
 class Grammar(Protocol):
-    """What both grammar languages offer once a text has been read."""
+    """Common interface of parsed grammars of both languages."""
 
     def build(self, seed: int = 0, **defines: float) -> Blueprint: ...
 
@@ -46,7 +46,7 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
     :param name: file beside the scene file or in the shared `grammars/` folder, a path, or
         package://procphys_ros/….
     :param key: parameter that named the file, for error messages.
-    :param beside: folder of the scene file, looked into first; None = there is none.
+    :param beside: folder of the scene file, searched first; None = there is none.
     :raises SceneError: when there is no such file, or its ending names no language.
     :raises GrammarError: when its text cannot be read.
     """
@@ -82,7 +82,7 @@ def parse_grammar(text: str, key: str) -> Grammar:
 
 
 def _language(is_wall: bool) -> 'type[LSystem] | type[WallGrammar]':
-    """Choose a language; that of walls is a tenth of all imports, which a forest can spare."""
+    """Choose a language; that of walls, a tenth of all imports, is imported only on demand."""
     if not is_wall:
         return LSystem
     from procphys_ros.wallgrammar import WallGrammar
@@ -120,7 +120,7 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
 
 
 def _unreadable(path: Path) -> str | None:
-    """Say why there is no file to be read, '' = nothing is there; None when there is one."""
+    """Return why a file cannot be read, '' = it does not exist; None when it can."""
     try:
         mode = path.stat().st_mode
     except OSError as problem:

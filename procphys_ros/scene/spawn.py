@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Spawn: what is to join a running scene, as the parameters `spawn.…` describe it."""
+"""Spawn: an object to add to a running scene, as the parameters `spawn.…` describe it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,14 +31,14 @@ _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]{0,99}\Z')
 @dataclass(frozen=True)
 class Spawn:
     """
-    One object that is to join a running scene.
+    Object to add to a running scene.
 
-    :ivar name: of the object; '' = one after the grammar that is free.
+    :ivar name: of the object; '' = a free one after the grammar.
     :ivar grammar: file that holds the grammar, or what the object is named after when
         `grammar_text` is given.
-    :ivar grammar_text: the grammar itself; '' = what the file holds.
+    :ivar grammar_text: the grammar itself; '' = that of the file.
     :ivar defines: values that override the grammar's own, as 'name=number'.
-    :ivar seed: of what is random in the grammar.
+    :ivar seed: of the grammar's random numbers.
     :ivar position: where its origin goes [m], (3,), world.
     :ivar yaw: heading about the vertical [rad].
     :raises SceneError: when a value is out of its range; the message names key and range.
@@ -60,13 +60,13 @@ class Spawn:
 
     @property
     def stem(self) -> str:
-        """Name objects of this grammar that are given no name."""
+        """Return the stem of the names of objects that are given no name."""
         stem = re.sub(r'\W', '_', Path(self.grammar).stem, flags=re.ASCII)
         return stem if _NAME.match(stem) else 'object'
 
     def check_name(self) -> None:
         """
-        Make sure that the name, if there is one, can name an object.
+        Check that the name, if there is one, can name an object.
 
         :raises CommandError: when it cannot.
         """
@@ -78,7 +78,7 @@ class Spawn:
         """
         Derive the grammar.
 
-        :raises SceneError: when there is no one grammar, or a define makes no sense.
+        :raises SceneError: when there is no grammar, or a define is invalid.
         :raises GrammarError: when it cannot be read or derived.
         """
         if not self.grammar and not self.grammar_text:

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Streets: where the houses and trees of a plan stand."""
+"""Streets: placement of the houses and trees of a plan."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ class Lot:
     """
     One house or tree in its place.
 
-    :ivar name: behind the name of the plan's object.
+    :ivar name: suffix to the name of the plan's object.
     :ivar blueprint: of it.
     :ivar position: where its origin goes, in the frame of the plan [m], (2,).
     :ivar yaw: its heading there [rad].
@@ -49,10 +49,10 @@ class Lot:
 
 def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
     """
-    Build and place what a plan asks for.
+    Build and place the houses and trees of a plan.
 
-    The fronts of houses, their sides of least y, face the street; houses stand beside each other
-    with a gap, as wide as each is.
+    The fronts of houses, their sides of least y, face the street; houses stand side by side
+    with a gap, each on its own width.
 
     :param rows: of the plan.
     :param seed: of grammars, of the values of defines and of what is random in each grammar.
@@ -87,7 +87,7 @@ def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
 
 
 def plan_of(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
-    """Give the corners of least and of largest x and y of what stands on the ground [m]."""
+    """Compute the least and the largest x and y of the parts on the ground [m], (2,) each."""
     base = np.unique(blueprint.bonds[blueprint.bonds[:, 0] == GROUND, 1])
     base = base if len(base) else np.arange(len(blueprint))
     reach = 0.5 * np.abs(to_matrix(blueprint.poses[base, 3:])[:, :2]

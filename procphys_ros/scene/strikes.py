@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""What is thrown at a scene: projectiles, explosions, the timed charges of a demolition."""
+"""Strikes: projectiles, explosions, and the timed charges of a demolition."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ _MOST_CHARGES = 10_000
 @dataclass(frozen=True)
 class Projectile:
     """
-    Something that flies: a ball or a block.
+    Ball or block in flight.
 
     :ivar shape: 'sphere' or 'box'.
     :ivar size: diameter, or edges along its axes [m], one number or three.
@@ -71,7 +71,7 @@ class Projectile:
 
     @property
     def edges(self) -> np.ndarray:
-        """Give full extents along its axes [m], (3,)."""
+        """Return the full extents along its axes [m], (3,)."""
         return edges_of('projectile', self.shape, self.size, _LARGEST, CommandError)
 
 
@@ -134,5 +134,5 @@ class Demolition:
 
     @property
     def places(self) -> np.ndarray:
-        """Give where the charges are, (K, 3) [m]."""
+        """Return the places of the charges [m], (K, 3)."""
         return np.array(self.positions, float).reshape(-1, 3)

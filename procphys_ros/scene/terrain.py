@@ -35,18 +35,18 @@ _WAVES = 24    # per octave; with fewer, hills line up
 @dataclass(frozen=True)
 class TerrainSettings:
     """
-    What the ground looks like; without a file and without noise it is the plane z = 0.
+    Shape of the ground; without a file and without noise it is the plane z = 0.
 
     Heights count from the lowest point of the grid, which is z = 0.
 
     :ivar file: heights, see `height_file`; '' = none.
-    :ivar cell: edge of a cell, where the file does not say it [m].
+    :ivar cell: edge of a cell, where the file does not state it [m].
     :ivar height: of white over black in a PNG [m].
     :ivar noise: from the lowest to the highest point of made-up hills [m]; 0 = none.
     :ivar wavelength: of the largest hills [m].
     :ivar extent: side of the square that has hills [m].
     :ivar seed: of the hills; -1 = from the seed of the scene.
-    :ivar center: where the middle of the grid lies [m], (2,).
+    :ivar center: middle of the grid [m], (2,).
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -75,10 +75,10 @@ class TerrainSettings:
 
 def make_terrain(settings: TerrainSettings, seed: int, beside: Path | None = None) -> Terrain:
     """
-    Read or make up the ground.
+    Read or generate the terrain.
 
     :param seed: of the scene.
-    :param beside: folder of the scene file, looked into first; None = there is none.
+    :param beside: folder of the scene file, searched first; None = there is none.
     :raises SceneError: when the file cannot be read; the message names it and what is allowed.
     """
     cell = settings.cell
@@ -95,7 +95,7 @@ def make_terrain(settings: TerrainSettings, seed: int, beside: Path | None = Non
 
 
 def _hills(settings: TerrainSettings, seed: int) -> np.ndarray:
-    """Add up waves of random direction and phase; towards the edges the hills flatten out."""
+    """Sum waves of random direction and phase to hills that flatten out at the edges [m]."""
     rng = np.random.default_rng([seed, 14])
     count = max(int(settings.extent / settings.cell), 3) + 1
     along = settings.cell * (np.arange(count) - 0.5 * (count - 1))

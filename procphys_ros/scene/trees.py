@@ -22,7 +22,7 @@ from procphys_ros.schema import check, declared
 @dataclass(frozen=True)
 class TreeSettings:
     """
-    What holds for all trees.
+    Settings of all trees.
 
     :ivar contact: whether the wood of standing trees touches; else their crowns pass through each
         other, as branches of one tree always do.

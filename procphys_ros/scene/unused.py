@@ -33,10 +33,9 @@ _OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service', 'qos_overrid
 
 def check_given(parameters: Mapping[str, Any], objects: Sequence[str]) -> list[str]:
     """
-    Check all parameters of a scene file by the table, and say in few lines which nobody reads.
+    Check all parameters of a scene file by the table; return messages on unused ones.
 
-    Files may hold parameters of other nodes, so that names which begin as none of ours are no
-    error.
+    Files may hold parameters of other nodes, so names outside the node's groups are not errors.
 
     :param parameters: nested mapping as a ROS parameter file holds it.
     :param objects: names of the objects of the scene.
@@ -59,7 +58,7 @@ def check_given(parameters: Mapping[str, Any], objects: Sequence[str]) -> list[s
 
 def unused(names: Iterable[str], objects: Sequence[str]) -> list[str]:
     """
-    Say in few lines which parameters are given in vain.
+    Format messages on unused parameters.
 
     :param names: full names of those that the table does not have, or not for these objects.
     :param objects: names of the objects of the scene.
@@ -79,7 +78,7 @@ def unused(names: Iterable[str], objects: Sequence[str]) -> list[str]:
 
 
 def flat(parameters: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str, Any]]:
-    """Give nested parameters by their full names, with their values."""
+    """Flatten nested parameters: yield full names and values."""
     for key, value in parameters.items():
         if isinstance(value, Mapping):
             yield from flat(value, f'{prefix}{key}.')
@@ -88,7 +87,7 @@ def flat(parameters: Mapping[str, Any], prefix: str = '') -> Iterator[tuple[str,
 
 
 def _refuse(group: str, key: str, value: Any) -> None:
-    """Refuse a key that a group of the node does not have, or what stands in its place."""
+    """Raise SceneError for an unknown key of a group, or for a value in place of a group."""
     single = find(group, [])
     if single is not None:
         single.read(value, group)

@@ -30,12 +30,12 @@ def read_wind_record(name: str, beside: Path | None = None) -> Record:
     """
     Read a CSV file of time [s], speed [m/s] and direction [degrees].
 
-    Lines that start with `#` and a first line of names are passed over.
+    Lines that start with `#` and a first line of names are skipped.
 
     :param name: file beside the scene file, a path, or package://procphys_ros/…; '' = none.
-    :param beside: folder of the scene file, looked into first; None = there is none.
+    :param beside: folder of the scene file, searched first; None = there is none.
     :returns: rows in ascending time; () when there is no file to read.
-    :raises SceneError: naming file, line, what is wrong and what is allowed.
+    :raises SceneError: naming file, line, fault and what is allowed.
     """
     if not name.strip():
         return ()

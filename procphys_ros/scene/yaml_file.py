@@ -32,10 +32,10 @@ _NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node calle
 
 class BoundedLoader(yaml.SafeLoader):
     """
-    Refuses a document that is too long once its aliases are written out.
+    Refuses a document that is too long with its aliases expanded.
 
-    A few lines of aliases of aliases stand for billions of values, and whoever reads these is busy
-    with all of them.
+    A few lines of nested aliases expand to billions of values, which would keep every reader
+    busy.
     """
 
     def get_single_node(self) -> yaml.Node | None:
@@ -49,9 +49,9 @@ class BoundedLoader(yaml.SafeLoader):
 
 
 def _length(node: yaml.Node, known: dict[yaml.Node, float]) -> float:
-    """Give how many characters it takes at least to write a node without aliases."""
+    """Compute the least number of characters that a node takes without aliases."""
     if node not in known:
-        known[node] = math.inf  # for who contains itself
+        known[node] = math.inf  # for a node that contains itself
         inner = (node.value if isinstance(node, yaml.SequenceNode) else
                  [each for pair in node.value for each in pair]
                  if isinstance(node, yaml.MappingNode) else [])
@@ -87,8 +87,8 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Read the parameters that a parameter file holds for the node `sim`.
 
     :param path: the file.
-    :returns: nested mapping; dotted keys are opened up into nested ones.
-    :raises SceneError: when the file is missing, no YAML, or holds nothing for the node.
+    :returns: nested mapping; dotted keys are expanded to nested ones.
+    :raises SceneError: when the file is missing, not YAML, or holds nothing for the node.
     """
     document = parsed(path, lambda text: yaml.load(text, _Loader))
     sections = [document[key]['ros__parameters'] for key in _NODE_KEYS
@@ -110,8 +110,8 @@ def parsed(path: Path, parse: Callable[[str], _T]) -> _T:
     """
     Read a file with a parser of YAML.
 
-    :param parse: makes of its text what it holds.
-    :raises SceneError: when it cannot be read, with the place; so do values that YAML forbids.
+    :param parse: converts the text to its content.
+    :raises SceneError: when it cannot be read or has values that YAML forbids, with the place.
     """
     try:
         with path.open(encoding='utf-8') as file:
