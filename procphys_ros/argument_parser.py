@@ -28,7 +28,7 @@ _NODE = re.compile(r'/?[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z')
 
 
 class OneLineParser(argparse.ArgumentParser):
-    """Parser that answers a mistake with one line and exit code 2, without its usage."""
+    """Parser that reports invalid usage in one line with exit code 2, without its usage text."""
 
     def __init__(self, **keywords: Any):
         super().__init__(**keywords)
@@ -37,7 +37,7 @@ class OneLineParser(argparse.ArgumentParser):
                               version=f'procphys_ros {__version__}')
 
     def error(self, message: str) -> NoReturn:
-        """Print a complaint and exit."""
+        """Print an error and exit."""
         self.exit(2, f'{self.prog}: {message}\n')
 
 

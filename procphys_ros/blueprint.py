@@ -15,8 +15,8 @@
 """
 Blueprint: parts and bonds, written by every grammar and read by all of the physics.
 
-A blueprint holds *parts* (what moves as one piece) and *bonds* (what ties two parts, or a part and
-the ground) as flat numpy arrays. Row i of every part array is part i, for life.
+A blueprint holds *parts* (rigid bodies) and *bonds* (between two parts, or a part and the ground)
+as flat numpy arrays. Row i of every part array is part i, for life.
 """
 
 from collections.abc import Sequence
@@ -84,7 +84,7 @@ class Hinges(_Table):
     :ivar root_moment: moment that turns a root plate out of the ground [N·m], (H,); inf = never.
     :ivar preload: share of the weight carried that the joint's shape at rest allows for, (H,); 1 =
         the part rests where it was put, 0 = it was put there unloaded and sags.
-    :ivar cling: force that pulls the part off what it grows on [N], (H,); 0 = it does not climb.
+    :ivar cling: force that pulls the part off its support [N], (H,); 0 = it does not climb.
     """
 
     swing_limit: np.ndarray = _column()
@@ -148,8 +148,7 @@ class Leaves(_Table):
     :ivar size: length of the quads [m], (L,).
     :ivar texture: index into `Blueprint.textures`, (L,) int.
     :ivar vogel: Vogel exponent V, drag goes with u^(2 + V) while leaves fold, (L,).
-    :ivar shedding_speed: least wind that takes the leaf where the scene does not change it [m/s],
-        (L,).
+    :ivar shedding_speed: least wind that sheds the leaf, unless the scene changes it [m/s], (L,).
     """
 
     part: np.ndarray = _column(np.int32)
@@ -168,7 +167,7 @@ class Leaves(_Table):
 @dataclass(frozen=True)
 class Ornaments(_Table):
     """
-    Triangles that are drawn with a part; what physics polygons have is in `leaf_area` and `mass`.
+    Triangles drawn with a part; the physics of polygons is in `leaf_area` and `mass`.
 
     :ivar part: part that carries the triangle, (T,) int.
     :ivar triangle: corners in the part's frame [m], (T, 9) as x y z three times.
@@ -183,9 +182,9 @@ class Ornaments(_Table):
 @dataclass(frozen=True)
 class Hexahedra(_Table):
     """
-    Corners of boxes that are no rectangular ones: convex hexahedra, such as voussoirs.
+    Corners of boxes that are not rectangular: convex hexahedra, such as voussoirs.
 
-    Whoever does not ask for the corners takes the part for a box about its frame that holds it.
+    Code that ignores the corners treats the part as a box about its frame that contains it.
 
     :ivar part: the box, ascending, (H,) int.
     :ivar corners: in the part's frame [m], (H, 24) as x y z eight times; corner number i lies on
@@ -197,7 +196,7 @@ class Hexahedra(_Table):
 
     def among(self, parts: np.ndarray) -> 'Hexahedra':
         """
-        Select those among some parts, numbered by their places there.
+        Select the hexahedra among some parts, renumbered by their places there.
 
         :param parts: indices, ascending, (K,).
         """
@@ -209,7 +208,7 @@ class Hexahedra(_Table):
 
     def points(self, poses: np.ndarray) -> np.ndarray:
         """
-        Give the corners where the parts are [m], (H, 8, 3).
+        Compute the corners of placed parts [m], (H, 8, 3).
 
         :param poses: of all parts, (N, 7).
         """
@@ -239,13 +238,13 @@ class Blueprint:
     :ivar bond_law: `Law` of each bond, (M,) uint8.
     :ivar bond_frame: contact pose in the frame of `poses` [m], (M, 7); see `Hinges`, `Mortar`.
     :ivar bond_extent: patch along the bond frame's x and y [m], (M, 2); hinges: diameter twice.
-        Of a patch that is no rectangle, the sides of one with its second moments over its area.
+        Of a patch that is not rectangular, the sides of one with its second moments over its area.
     :ivar bond_area: [m²], (M,).
     :ivar hinges: one row per hinge bond, in bond order.
     :ivar mortar: one row per mortar bond, in bond order.
     :ivar leaves: leaves fixed to parts.
     :ivar ornaments: triangles drawn with parts.
-    :ivar hexahedra: corners of boxes that are no rectangular ones.
+    :ivar hexahedra: corners of boxes that are not rectangular.
     :ivar kinds, materials, textures: names that the index columns refer to.
     """
 
@@ -293,10 +292,10 @@ class Blueprint:
 
     def solid_size(self, parts: np.ndarray) -> np.ndarray:
         """
-        Give what parts are to others [m], (K, 3), as `size`.
+        Return the extents of parts in collisions with others [m], (K, 3), as `size`.
 
-        Bones end before the joints, so that neighbours in a branch are free to bend. What hits
-        the branch must not find these gaps: here capsules reach from joint to joint.
+        Bones end before the joints, so that neighbours in a branch are free to bend. Other bodies
+        must not find these gaps: here capsules reach from joint to joint.
 
         :param parts: indices, (K,).
         """
@@ -309,7 +308,7 @@ class Blueprint:
         """
         Move the whole blueprint.
 
-        :param position: where its origin goes [m], (3,).
+        :param position: of its origin [m], (3,).
         :param yaw: turn about the vertical [rad].
         """
         frame = np.concatenate([np.asarray(position, float), rotation.from_yaw(yaw)])
@@ -324,7 +323,7 @@ _BOND_COLUMNS = ('bond_law', 'bond_frame', 'bond_extent', 'bond_area')
 
 def box_inertia(mass: np.ndarray, size: np.ndarray) -> np.ndarray:
     """
-    Give the principal moments of solid boxes [kg·m²], (N, 3).
+    Compute the principal moments of solid boxes [kg·m²], (N, 3).
 
     :param mass: [kg], (N,).
     :param size: full extents [m], (N, 3).
@@ -335,7 +334,7 @@ def box_inertia(mass: np.ndarray, size: np.ndarray) -> np.ndarray:
 
 def cylinder_inertia(mass: np.ndarray, diameter: np.ndarray, length: np.ndarray) -> np.ndarray:
     """
-    Give the principal moments of solid cylinders along z [kg·m²], (N, 3).
+    Compute the principal moments of solid cylinders along z [kg·m²], (N, 3).
 
     :param mass: [kg], (N,).
     :param diameter: [m], (N,).
@@ -348,9 +347,9 @@ def cylinder_inertia(mass: np.ndarray, diameter: np.ndarray, length: np.ndarray)
 
 def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
     """
-    Put blueprints behind each other: parts, bonds and names renumbered, nothing else changed.
+    Concatenate blueprints: parts, bonds and names renumbered, nothing else changed.
 
-    :param blueprints: already placed, in the order their parts are to take.
+    :param blueprints: already placed, in the order of their parts.
     """
     if not blueprints:
         return Blueprint()
@@ -374,7 +373,7 @@ def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
 
 
 def _merge_names(blueprints: Sequence[Blueprint], columns: dict) -> dict:
-    """Bring the index columns of several blueprints onto common name tuples."""
+    """Map the index columns of several blueprints to common name tuples."""
     for names, column in (('kinds', 'kind'), ('materials', 'material'),
                           ('textures', 'texture')):
         common = tuple(dict.fromkeys(n for b in blueprints for n in getattr(b, names)))

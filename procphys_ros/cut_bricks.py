@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Cut bricks: which parts are pieces of one brick, so that they are drawn alike."""
+"""Cut bricks: the parts that are pieces of one brick, so that they are drawn alike."""
 
 import numpy as np
 import scipy  # its parts are imported by their first use
@@ -29,10 +29,10 @@ _TOUCHING = 1e-4  # [m] between faces without a joint; joints of masonry are thi
 
 def first_pieces(blueprint: Blueprint) -> np.ndarray:
     """
-    Give for each part the first piece of the brick that it was cut from, (N,) int.
+    Find the first piece of the brick that each part was cut from, (N,) int.
 
-    Bricks that are not cut are their own first pieces. Pieces touch each other and hold together
-    as stone does, which neighbours with a joint between them never do both.
+    Bricks that are not cut are their own first pieces. Pieces of one brick touch each other and
+    are bonded as strongly as stone, unlike neighbours with a joint between them.
 
     :param blueprint: at rest.
     """
@@ -47,7 +47,7 @@ def first_pieces(blueprint: Blueprint) -> np.ndarray:
 
 
 def _touching(blueprint: Blueprint) -> np.ndarray:
-    """Give the pairs of pieces of one brick that share a face, (K, 2)."""
+    """List the pairs of pieces of one brick that share a face, (K, 2)."""
     solids = blueprint.hexahedra
     row = np.full(len(blueprint) + 1, -1)  # the last one is for the ground
     row[solids.part] = np.arange(len(solids))

@@ -22,17 +22,17 @@ _LONGEST_NAME = 200  # [characters] of names worth comparing; longer ones take s
 
 
 class ProcPhysError(Exception):
-    """Base of every error caused by input; `str(error)` is fit to be shown to a user."""
+    """Base of every error caused by input; `str(error)` can be shown to a user."""
 
 
 class GrammarError(ProcPhysError):
     """
-    A grammar text that cannot be read, or cannot be derived within its bounds.
+    Grammar text that cannot be read, or cannot be derived within its bounds.
 
     :param message: what is wrong, and what to do about it.
     :param source: name of the file, or of the parameter the text came from.
-    :param line: 1-based line, 0 when the whole text is meant.
-    :param column: 1-based column, 0 when the whole line is meant.
+    :param line: 1-based line, 0 for the whole text.
+    :param column: 1-based column, 0 for the whole line.
     """
 
     def __init__(self, message: str, source: str = '<text>', line: int = 0, column: int = 0):
@@ -50,7 +50,7 @@ class GrammarError(ProcPhysError):
 
 class GrammarWarning(UserWarning):
     """
-    Something legal in a grammar that is mostly a slip; the text begins with its place.
+    Legal construct in a grammar that is probably a mistake; the text begins with its place.
 
     Given through Python's `warnings`, so that a library user can filter it and a node can log it
     (`warnings.catch_warnings(record=True)` around the reading of a grammar).
@@ -79,11 +79,11 @@ class SnapshotError(CommandError):
 
 def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     """
-    Return which known names look most like the one given, for use inside an error message.
+    Return the known names most similar to an unknown one, for use inside an error message.
 
     :param name: the name that was not found.
     :param known: the names that exist.
-    :param limit: how many to offer.
+    :param limit: number of names offered at most.
     """
     if not isinstance(name, str) or len(name) > _LONGEST_NAME:
         return ''
@@ -91,6 +91,6 @@ def nearest_names(name: str, known: Iterable[str], limit: int = 3) -> str:
     return f'; did you mean {", ".join(close)}?' if close else ''
 
 
-@lru_cache(maxsize=16)  # whoever sends a thousand commands a second repeats the same mistake
+@lru_cache(maxsize=16)  # rapid commands repeat the same mistake
 def _close(name: str, known: tuple[str, ...], limit: int) -> list[str]:
     return difflib.get_close_matches(name, known, n=limit, cutoff=0.5)

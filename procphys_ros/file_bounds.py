@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Bounds of files: which files may be read or written for whom names them from elsewhere."""
+"""Bounds of files: which files may be read or written by parameters set from elsewhere."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -26,7 +26,7 @@ from typing import Any
 @dataclass(frozen=True)
 class FileBounds:
     """
-    What may be named.
+    Files that may be named.
 
     :ivar folders: all files below these, links followed.
     :ivar given: values of parameters, by name, that may name any file: those of the start.
@@ -44,7 +44,7 @@ _PRESENT: ContextVar[FileBounds | None] = ContextVar('file_bounds', default=None
 
 @contextmanager
 def within(bounds: FileBounds | None) -> Iterator[None]:
-    """Let what runs in this context name files within bounds; None = any."""
+    """Restrict the files named in this context to bounds; None = any."""
     before = _PRESENT.set(bounds)
     try:
         yield
@@ -55,10 +55,10 @@ def within(bounds: FileBounds | None) -> Iterator[None]:
 @contextmanager
 def named_by(parameter: str, value: Any) -> Iterator[None]:
     """
-    Let a parameter name any file while its value is that of the start.
+    Lift the bounds for a parameter while its value is that of the start.
 
     :param parameter: full name.
-    :param value: that it has now.
+    :param value: its present value.
     """
     bounds = _PRESENT.get()
     free = bounds is not None and value and bounds.given.get(parameter) == value
@@ -68,7 +68,7 @@ def named_by(parameter: str, value: Any) -> Iterator[None]:
 
 def outside(path: Path) -> str:
     """
-    Say why a file may not be named, '' = it may; whether there is such a file is not told.
+    Return why a file may not be named, '' = it may; its existence is not revealed.
 
     :param path: of the file.
     """

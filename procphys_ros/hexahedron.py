@@ -26,13 +26,13 @@ FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2,
                   [4, 5, 7, 6]])
 _TRIANGLES = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]])
 _ADJACENT = np.array([np.flatnonzero(np.isin(FACES, corner).any(axis=1)) for corner in range(8)])
-_PARALLEL = 1e-9  # products of inertia over the largest moment that count as none
+_PARALLEL = 1e-9  # products of inertia over the largest moment that count as zero
 _FLAT = 1e-12  # eigenvalue of products of unit normals below which they lie in a plane
 
 
 def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """
-    Give the corners of rectangular boxes, (N, 8, 3).
+    Return the corners of rectangular boxes, (N, 8, 3).
 
     :param low, high: opposite corners, (N, 3).
     """
@@ -42,7 +42,7 @@ def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 def faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
-    Give the faces of hexahedra.
+    Compute the faces of hexahedra.
 
     :param corners: (N, 8, 3).
     :returns: their corners, counter-clockwise from outside, (N, 6, 4, 3), unit normals outwards,
@@ -58,7 +58,7 @@ def faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def volumes(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Give volumes [m³], (N,), and centroids [m], (N, 3), of solids with flat faces.
+    Compute volumes [m³], (N,), and centroids [m], (N, 3), of solids with flat faces.
 
     :param corners: [m], (N, 8, 3).
     """
@@ -77,7 +77,7 @@ def _tetrahedra(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray
 
 def inertia_tensors(corners: np.ndarray) -> np.ndarray:
     """
-    Give inertia tensors about the centroids for a density of 1 [m⁵], (N, 3, 3).
+    Compute inertia tensors about the centroids for a density of 1 [m⁵], (N, 3, 3).
 
     Exact: a tetrahedron's second moments about its apex are V/20 (Σ e·eᵀ + s·sᵀ), with e its
     edges from there and s their sum (Tonon 2004, J. Math. Stat. 1(1)).
@@ -97,7 +97,7 @@ def inertia_tensors(corners: np.ndarray) -> np.ndarray:
 
 def principal_axes(tensors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Turn as little as possible to axes in which inertia tensors are diagonal.
+    Diagonalise inertia tensors, with axes as near to the given ones as possible.
 
     :param tensors: (N, 3, 3).
     :returns: moments, (N, 3), and axes as columns, right-handed, (N, 3, 3).
@@ -118,7 +118,7 @@ def principal_axes(tensors: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _nearest_order(size: np.ndarray) -> list[int]:
-    """Choose for each axis the column that lies along it most."""
+    """Choose for each axis the column most nearly along it."""
     orders = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]]
     return max(orders, key=lambda order: sum(size[i, c] for i, c in enumerate(order)))
 
@@ -129,7 +129,7 @@ class Solids(NamedTuple):
 
     :ivar poses: centres and principal axes, world, (N, 7).
     :ivar corners: in these frames [m], (N, 24).
-    :ivar size: full extents of the boxes about the frames that hold them [m], (N, 3).
+    :ivar size: full extents of the boxes about the frames that contain them [m], (N, 3).
     :ivar volume: [m³], (N,).
     :ivar inertia: principal moments over the density [m⁵], (N, 3).
     """
@@ -159,12 +159,12 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
     Move all faces of hexahedra inwards, (N, 8, 3).
 
     :param corners: (N, 8, 3).
-    :param distance: of each face from where it was.
+    :param distance: by which each face moves.
     """
     normal = faces(corners)[1]
     normal = normal[:, _ADJACENT]
     real = (norm(normal, axis=3) > 0.5).astype(float)
-    # The least shift by that distance along each of the normals, two of which may be the same.
+    # Least shift with that component along each of the normals, two of which may be the same.
     values, vectors = eigen(np.einsum('ncik,ncjk->ncij', normal, normal))
     inverses = np.where(values > _FLAT, 1.0 / np.maximum(values, _FLAT), 0.0)
     weights = np.einsum('ncij,ncj,nckj,nck->nci', vectors, inverses, vectors, real)
@@ -173,7 +173,7 @@ def inset(corners: np.ndarray, distance: float) -> np.ndarray:
 
 def write_hulls(corners: np.ndarray) -> str:
     """
-    Write hexahedra as Wavefront OBJ, an object each: Bullet makes a convex hull of every object.
+    Format hexahedra as Wavefront OBJ, one object each: Bullet makes a convex hull of every object.
 
     :param corners: [m], (H, 8, 3).
     """

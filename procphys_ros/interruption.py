@@ -25,15 +25,15 @@ import signal
 from types import FrameType
 from typing import Any
 
-_AGAIN = 0.001  # [s] until a signal that came at a bad moment is tried again
+_AGAIN = 0.001  # [s] until a signal that came at an unsafe moment is retried
 
-# What is called from C that does not expect exceptions (numba 0.58 and 0.68, numpy 1.26 and 2.4,
-# Python 3.11), and writers of pictures, which count what they have written. All is done within
-# milliseconds.
+# Modules called from C code that does not expect exceptions (numba 0.58 and 0.68, numpy 1.26 and
+# 2.4, Python 3.11), and writers of pictures, which count what they have written. All of them
+# return within milliseconds.
 _UNSAFE = ('enum', 'numba.core.serialize', 'numpy.core._internal', 'numpy._core._internal',
            'weakref', 'procphys_ros.render.writers')
 
-_borrowed: list[tuple[Any, tuple[float, float]]] = []  # what others do at SIGALRM, and when
+_borrowed: list[tuple[Any, tuple[float, float]]] = []  # handlers and timers of others at SIGALRM
 
 
 def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | None], None]:
@@ -51,7 +51,7 @@ def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | No
             if not _borrowed:
                 _borrowed.append(theirs)
             return
-        if _borrowed:  # another that waits is not to disturb the end
+        if _borrowed:  # a retry that still waits must not disturb the end
             before, timer = _borrowed.pop()
             signal.signal(signal.SIGALRM, signal.SIG_DFL if before is None else before)
             signal.setitimer(signal.ITIMER_REAL, *timer)
@@ -61,7 +61,7 @@ def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | No
 
 
 def _is_unsafe(frame: FrameType | None) -> bool:
-    """Return whether compiled code may have called a frame, or one that has called it."""
+    """Return whether a frame, or one of its callers, may have been called from compiled code."""
     while frame is not None:
         if frame.f_code.co_name == '__del__' or frame.f_globals.get('__name__') in _UNSAFE:
             return True

@@ -33,7 +33,7 @@ def dot(a: np.ndarray, b: np.ndarray) -> Any:
 
 
 def norm(a: np.ndarray, axis: int | None = None, keepdims: bool = False) -> Any:
-    """Return lengths of vectors along an axis; None = of all numbers together."""
+    """Return lengths of vectors along an axis; None = of the whole array."""
     return np.sqrt(np.square(a).sum(axis=axis, keepdims=keepdims))
 
 

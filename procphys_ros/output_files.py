@@ -24,11 +24,11 @@ from typing import IO
 
 def obstacle(path: Path, beside: bool = True) -> str:
     """
-    Say why a file cannot be written; '' = nothing is in the way yet.
+    Return why a file cannot be written; '' = no obstacle is known yet.
 
     :param path: the file.
-    :param beside: whether it is written as `write_beside` does, which also makes a file in its
-        folder; else a file that is there is written over.
+    :param beside: whether it is written by `write_beside`, which also makes a file in its
+        folder; else an existing file is overwritten.
     """
     try:
         if not path.parent.is_dir():
@@ -48,10 +48,10 @@ def obstacle(path: Path, beside: bool = True) -> str:
 
 def lock(file: IO | int) -> bool:
     """
-    Keep other processes that ask, too, from a file until it is closed.
+    Lock a file against other processes that lock it, until it is closed.
 
     :param file: open, or its descriptor.
-    :returns: whether nobody else has it; true, too, where files cannot be locked.
+    :returns: whether no other process holds it; true, too, where files cannot be locked.
     """
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -64,10 +64,10 @@ def lock(file: IO | int) -> bool:
 
 def write_beside(path: Path, write: Callable[[Path], object]) -> None:
     """
-    Have a file written beside its place, and put it there when it is whole.
+    Write a file beside its place, and move it there when it is complete.
 
-    :param write: called with where to write; the suffix is that of the file.
-    :raises OSError: when it cannot be written, or as `write` does; nothing has changed then.
+    :param write: called with the path to write; the suffix is that of the file.
+    :raises OSError: when it cannot be written, or as `write` does; the file is unchanged then.
     """
     part = part_of(path)
     try:
@@ -78,5 +78,5 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def part_of(path: Path) -> Path:
-    """Name the file beside another that it is written to."""
+    """Return the temporary path beside a file that it is written to."""
     return path.with_name(f'.{path.stem}.part{path.suffix}')

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Palette: how textures are coloured, for pictures and for RViz markers alike."""
+"""Palette: colours of textures, for pictures and RViz markers alike."""
 
 from dataclasses import dataclass
 
@@ -21,12 +21,12 @@ from dataclasses import dataclass
 @dataclass(frozen=True)
 class Look:
     """
-    Appearance behind one texture name.
+    Appearance of a texture.
 
     :ivar rgba: colour, each 0 to 1.
     :ivar pattern: procedural image that modulates the colour (see `render.texture`).
-    :ivar variation: how much brightness differs between pieces, as a share of it.
-    :ivar aspect: width of a leaf quad over its length; means nothing for other surfaces.
+    :ivar variation: differences of brightness between pieces, as a share of it.
+    :ivar aspect: width of a leaf quad over its length; not used for other surfaces.
     """
 
     rgba: tuple[float, float, float, float]
@@ -96,7 +96,7 @@ def look(name: str) -> Look:
 
     `leaf_maple` looks like `leaf`, `old_brick_red` like `brick_red`; else it is neutral grey.
 
-    :param name: texture name as a grammar wrote it.
+    :param name: texture name in the grammar.
     """
     if name in LOOKS:
         return LOOKS[name]
@@ -111,8 +111,8 @@ def is_known(name: str) -> bool:
 
 def rgba(name: str) -> tuple[float, float, float, float]:
     """
-    Give the plain colour of a texture, each channel 0 to 1.
+    Return the plain colour of a texture, each channel 0 to 1.
 
-    :param name: texture name as a grammar wrote it.
+    :param name: texture name in the grammar.
     """
     return look(name).rgba

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Paving: what covers the ground of streets, drawn but without any physics of its own."""
+"""Paving: surfaces of streets, drawn but without any physics of their own."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ from procphys_ros.linear import norm
 @dataclass(frozen=True)
 class Paving:
     """
-    A surface just above the ground.
+    Surface just above the ground.
 
     :ivar texture: its name.
     :ivar points: [m], (P, 3), world.
@@ -37,7 +37,7 @@ class Paving:
     faces: np.ndarray
 
     def vertex_normals(self) -> np.ndarray:
-        """Give upward unit normals at the points, for smooth shading, (P, 3)."""
+        """Compute upward unit normals at the points, for smooth shading, (P, 3)."""
         a, b, c = self.points[self.faces].transpose(1, 0, 2)
         across = np.cross(b - a, c - a)  # as long as twice the area
         normals = np.zeros_like(self.points)

@@ -14,7 +14,7 @@
 
 
 """
-Program: runs a command so that Ctrl-C ends it with one line, while its modules load too.
+Program: runs a command so that Ctrl-C ends it with one line, even while its modules load.
 
 This module imports nothing that takes long. Exit code 130 is the shells' for SIGINT.
 """
@@ -44,7 +44,7 @@ COMMANDS = {
     'view': 'procphys_ros.ros.view',
     'warm': 'procphys_ros.compilation.warming',
 }
-NODES = {  # what Ctrl-C ends with code 0
+NODES = {  # these end with code 0 on Ctrl-C
     'sim': 'procphys_ros.ros.sim',
     'managed_sim': 'procphys_ros.ros.managed_sim',
 }
@@ -55,12 +55,12 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
     Run a command.
 
     :param name: in `COMMANDS`.
-    :param words: behind its name; None = the process's own.
+    :param words: arguments; None = the process's own.
     :returns: its exit code, 130 when Ctrl-C has ended it.
     """
     heeds = signal.getsignal(signal.SIGINT) is not signal.SIG_IGN  # nohup ignores it
     if heeds:
-        # Modules that are half loaded may swallow an exception, and nothing is open yet.
+        # Modules that are half loaded may swallow an exception, and no files are open yet.
         signal.signal(signal.SIGINT, lambda *_: _end(name))
     _print_all_signs()
     main = import_module(COMMANDS[name]).main
@@ -73,10 +73,10 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
         return code
     except BrokenPipeError:
         if not _has_gone():
-            raise  # some other pipe: that is no way to end
+            raise  # another pipe broke, which is an error
         _discard_output()
         return 0
-    except OSError as error:  # a disk that is full, and whatever else a command did not foresee
+    except OSError as error:  # a full disk, or any other error that a command did not foresee
         print(f'{name}: {error}', file=sys.stderr)
         _discard_if_it_fails()
         return 1
@@ -87,10 +87,10 @@ def run(name: str, words: Sequence[str] | None = None) -> int:
 
 def start(name: str, words: Sequence[str] | None = None) -> int:
     """
-    Run a command as all that this process does; else as `run`.
+    Run a command as the only task of this process; else as `run`.
 
-    When Ctrl-C has ended it, all that it had open is closed. Taking the interpreter down as well,
-    with thousands of compiled kernels, would keep the user waiting for seconds on a busy machine.
+    When Ctrl-C has ended it, all its files are closed. Finalising the interpreter as well, with
+    thousands of compiled kernels, would keep the user waiting for seconds on a busy machine.
     """
     code = run(name, words)
     if code == INTERRUPTED:
@@ -100,7 +100,7 @@ def start(name: str, words: Sequence[str] | None = None) -> int:
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run the command that the first word names; its exit code, 2 when there is none such."""
+    """Run the command named by the first word; return its exit code, 2 for unknown commands."""
     words = sys.argv[1:] if words is None else list(words)
     if words and words[0] in COMMANDS:
         return start(words[0], words[1:])
@@ -116,7 +116,7 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def _print_all_signs() -> None:
-    """Have signs that the encoding of the output lacks written by their codes, as on stderr."""
+    """Escape characters that the encoding of the output lacks, as stderr does."""
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == 'strict':
         sys.stdout.reconfigure(errors='backslashreplace')
 
@@ -124,12 +124,12 @@ def _print_all_signs() -> None:
 def _has_gone() -> bool:
     """Return whether the reader of the output, such as head, has gone."""
     poll = select.poll()
-    poll.register(sys.stdout.fileno(), 0)  # errors are told in any case
+    poll.register(sys.stdout.fileno(), 0)  # errors are reported in any case
     return bool(poll.poll(0))
 
 
 def _discard_if_it_fails() -> None:
-    """Let the interpreter not try again, at its end, what it could not print."""
+    """Flush the output; if that fails, discard it, so that the interpreter does not try again."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -138,7 +138,7 @@ def _discard_if_it_fails() -> None:
 
 
 def _discard_output() -> None:
-    """Write to nowhere what is still printed."""
+    """Redirect the remaining output to the null device."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Progress: what takes long says what it does, to whoever listens in its thread."""
+"""Progress: reports on long work to a listener of its thread."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -22,7 +22,7 @@ from typing import Any, Protocol
 
 
 class Listener(Protocol):
-    """Is told of the stages of a thread's work, which may lie within each other."""
+    """Receives the stages of a thread's work, which may be nested."""
 
     def begin(self, name: str, detail: str) -> None: ...
 
@@ -34,7 +34,7 @@ _listener: ContextVar[Listener | None] = ContextVar('listener', default=None)
 
 @contextmanager
 def reported_to(listener: Listener) -> Iterator[None]:
-    """Tell a listener of all stages of this thread until the end of a block."""
+    """Report all stages of this thread to a listener until the end of a block."""
     token = _listener.set(listener)
     try:
         yield
@@ -45,10 +45,10 @@ def reported_to(listener: Listener) -> Iterator[None]:
 @contextmanager
 def stage(name: str, detail: str = '') -> Iterator[None]:
     """
-    Say what a block does.
+    Report the work of a block.
 
     :param name: of the work, such as 'growing objects'.
-    :param detail: how far it is, such as 'oak_3, 4 of 250'.
+    :param detail: its progress, such as 'oak_3, 4 of 250'.
     """
     begin(name, detail)
     try:
@@ -58,7 +58,7 @@ def stage(name: str, detail: str = '') -> Iterator[None]:
 
 
 def staged(name: str) -> Callable[[Callable], Callable]:
-    """Make a decorator that says what a function does; else as `stage`."""
+    """Make a decorator that reports the work of a function; else as `stage`."""
     def decorate(function: Callable) -> Callable:
         @wraps(function)
         def told(*arguments: Any, **keywords: Any) -> Any:
@@ -69,14 +69,14 @@ def staged(name: str) -> Callable[[Callable], Callable]:
 
 
 def begin(name: str, detail: str = '') -> None:
-    """Say that work begins which is no block; `end` must follow."""
+    """Report the beginning of work that is not a block; `end` must follow."""
     listener = _listener.get()
     if listener is not None:
         listener.begin(name, detail)
 
 
 def end() -> None:
-    """Say that the work has ended which was begun last."""
+    """Report the end of the work begun last."""
     listener = _listener.get()
     if listener is not None:
         listener.end()

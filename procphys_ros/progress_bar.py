@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Progress bar on a terminal: one line that is drawn over."""
+"""Progress bar on a terminal: one line that is overwritten."""
 
 import os
 from time import monotonic
@@ -22,11 +22,11 @@ from typing import Self, TextIO
 _WIDTH = 30      # characters
 _INTERVAL = 0.1  # [s] between two drawings
 _DETAIL = 40     # characters
-_COLUMNS = 80    # of a terminal that does not know how wide it is
+_COLUMNS = 80    # of a terminal of unknown width
 
 
 def draw_over(line: str, stream: TextIO) -> None:
-    """Draw a line over the last one, as far as the terminal is wide: what wraps would stay."""
+    """Overwrite the last line, cut to the width of the terminal: wrapped lines would stay."""
     try:
         columns = os.get_terminal_size(stream.fileno()).columns or _COLUMNS
     except OSError:
@@ -37,10 +37,10 @@ def draw_over(line: str, stream: TextIO) -> None:
 
 class ProgressBar:
     """
-    Draws how much is done, and how long the rest will take; on what is no terminal, nothing.
+    Draws the share of work done and the time left, on terminals only.
 
-    :param label: what is being done.
-    :param stream: where to draw; None = it is closed.
+    :param label: name of the work.
+    :param stream: output; None = it is closed.
     """
 
     def __init__(self, label: str, stream: TextIO | None):
@@ -61,9 +61,9 @@ class ProgressBar:
         """
         Draw the state, at most ten times a second.
 
-        :param done: how much has been done, in any unit.
-        :param whole: how much there is to do, in the same unit.
-        :param detail: what has been done last.
+        :param done: amount of work done, in any unit.
+        :param whole: total amount of work, in the same unit.
+        :param detail: item done last.
         """
         now = monotonic()
         if self._stream is None or now - self._drawn_at < _INTERVAL:
@@ -77,7 +77,7 @@ class ProgressBar:
         draw_over('  '.join(word for word in words if word), self._stream)
 
     def _time_left(self, now: float, done: float, whole: float) -> str:
-        """Say how long the rest takes at the speed since the first drawing, once that is known."""
+        """Format the time left at the speed since the first drawing, '' while that is unknown."""
         assert self._first is not None
         began, before = self._first
         if done <= before:

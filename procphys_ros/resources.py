@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Find the files that the package ships beside its code: grammars and scenes."""
+"""Find the files shipped with the package beside its code: grammars and scenes."""
 
 from functools import cache
 import os
@@ -28,7 +28,7 @@ def shared_folder() -> Path:
     """
     Find the folder that holds `grammars/`, `config/` and `package.xml`.
 
-    Code that runs from a source tree uses that tree; otherwise the ament index is asked (a ROS
+    Code that runs from a source tree uses that tree; otherwise the ament index is searched (a ROS
     workspace), then the share folder of the Python prefix (a pip install, where
     AMENT_PREFIX_PATH is not set).
 

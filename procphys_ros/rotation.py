@@ -23,14 +23,14 @@ IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def _components(vectors: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Split the last axis; `np.moveaxis` and `np.cross` take longer than what is done with it."""
+    """Split the last axis; `np.moveaxis` and `np.cross` take longer than the arithmetic."""
     vectors = np.asarray(vectors, float)
     return tuple(vectors[..., i] for i in range(vectors.shape[-1]))
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """
-    Compose rotations: the result turns by b first, then by a.
+    Compose rotations: the result rotates by b first, then by a.
 
     :param a: (..., 4) unit quaternions.
     :param b: (..., 4) unit quaternions, broadcast against a.
@@ -52,7 +52,7 @@ def conjugate(q: np.ndarray) -> np.ndarray:
 
 def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
     """
-    Turn vectors by unit quaternions.
+    Rotate vectors by unit quaternions.
 
     :param q: (..., 4) unit quaternions.
     :param v: (..., 3) vectors, broadcast against q.
@@ -68,7 +68,7 @@ def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
 
 
 def to_matrix(q: np.ndarray) -> np.ndarray:
-    """Turn unit quaternions (..., 4) into rotation matrices (..., 3, 3)."""
+    """Convert unit quaternions (..., 4) to rotation matrices (..., 3, 3)."""
     x, y, z, w = _components(q)
     rows = [
         1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w),
@@ -80,7 +80,7 @@ def to_matrix(q: np.ndarray) -> np.ndarray:
 
 def from_matrix(m: np.ndarray) -> np.ndarray:
     """
-    Turn rotation matrices (..., 3, 3) into unit quaternions (..., 4), largest component first.
+    Convert rotation matrices (..., 3, 3) to unit quaternions (..., 4).
 
     The branch with the largest squared component is taken, so no case loses precision
     (Shepperd 1978, J. Guidance and Control 1(3)).
@@ -110,7 +110,7 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
 
 def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """
-    Build quaternions that turn by an angle about an axis.
+    Make quaternions of rotations by an angle about an axis, (..., 4).
 
     :param axis: (..., 3) unit vectors.
     :param angle: (...) angles [rad].
@@ -120,13 +120,13 @@ def from_axis_angle(axis: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 
 def from_yaw(yaw: float) -> np.ndarray:
-    """Build the quaternion (4,) of a turn about the vertical [rad]."""
+    """Make the quaternion (4,) of a rotation about the vertical [rad]."""
     return np.array([0.0, 0.0, sin(0.5 * yaw), cos(0.5 * yaw)])
 
 
 def compose(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
     """
-    Chain poses: express `inner`, given in the frame `outer`, in the frame of `outer` itself.
+    Compose poses: express `inner`, given in the frame `outer`, in the parent frame of `outer`.
 
     :param outer: (..., 7) poses x y z qx qy qz qw.
     :param inner: (..., 7) poses in the frame of outer.

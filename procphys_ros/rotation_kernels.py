@@ -22,7 +22,7 @@ from procphys_ros.compilation import subroutine
 
 @subroutine
 def matrix_rows(q):
-    """Turn a quaternion xyzw into the rows of a matrix, as tuples that need no memory."""
+    """Convert a quaternion xyzw to the rows of a matrix, as tuples that need no memory."""
     x, y, z, w = q[0], q[1], q[2], q[3]
     return ((1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)),
             (2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)),
@@ -31,7 +31,7 @@ def matrix_rows(q):
 
 @subroutine
 def carried(pose, point):
-    """Express a point of a frame where the pose of that frame is given, as a tuple."""
+    """Transform a point from a frame with a pose to the parent frame, as a tuple."""
     axes, x, y, z = matrix_rows(pose[3:]), point[0], point[1], point[2]
     return (pose[0] + axes[0][0] * x + axes[0][1] * y + axes[0][2] * z,
             pose[1] + axes[1][0] * x + axes[1][1] * y + axes[1][2] * z,
@@ -40,7 +40,7 @@ def carried(pose, point):
 
 @subroutine
 def matrix(q):
-    """Turn a quaternion xyzw into a matrix, (3, 3); its columns are the turned axes."""
+    """Convert a quaternion xyzw to a matrix, (3, 3); its columns are the rotated axes."""
     rows = matrix_rows(q)
     out = np.empty((3, 3))
     for i in range(3):

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Schema: a setting is declared once, where it is used; checks, parameters and tables follow."""
+"""Schema: settings declared once, where they are used; checks, parameters and tables follow."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,7 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import ProcPhysError, SceneError
 
-LARGEST = 1e9  # [any unit] beyond it a value is a mistake
+LARGEST = 1e9  # [any unit] larger values are mistakes
 _KEY = 'parameter'
 _SWITCH = {True: 'on', False: 'off'}  # texts that YAML 1.1, and so ROS, reads as truth values
 
@@ -30,10 +30,10 @@ _SWITCH = {True: 'on', False: 'off'}  # texts that YAML 1.1, and so ROS, reads a
 @dataclass(frozen=True)
 class Parameter:
     """
-    One setting of a scene, which is a parameter of the node.
+    Setting of a scene, which is a parameter of the node.
 
     :ivar name: dotted; of an object's parameter the part behind `<name>.`.
-    :ivar default: also says the type: bool, int, float, str, list of floats or of str.
+    :ivar default: also sets the type: bool, int, float, str, list of floats or of str.
     :ivar description: for `ros2 param describe` and docs/parameters.md.
     :ivar unit: '' where there is none.
     :ivar low, high: least and largest number allowed.
@@ -58,14 +58,14 @@ class Parameter:
 
     @property
     def takes_any_length(self) -> bool:
-        """Return whether it is a list that may be of any length."""
+        """Return whether the parameter is a list of any length."""
         return isinstance(self.default, list) and (self.any_length or not self.default)
 
     def read(self, value: Any, name: str = '') -> Any:
         """
-        Check a value and give it the parameter's own type; integers pass for doubles.
+        Check a value and convert it to the parameter's type; integers are valid doubles.
 
-        :param value: what was given.
+        :param value: as given.
         :param name: full name for messages, when it is an object's parameter.
         :raises SceneError: naming the parameter, the value and what is allowed.
         """
@@ -122,7 +122,7 @@ def _is_sequence(value: Any) -> bool:
 
 
 def short(value: Any) -> str:
-    """Show a value in a message, not all of it when it is long."""
+    """Format a value for a message, shortened when it is long."""
     text = repr(list(value) if _is_sequence(value) else value)
     return text if len(text) <= 60 else f'{text[:57]}...'
 
@@ -133,7 +133,7 @@ def declared(default: Any, description: str, unit: str = '', low: float = -LARGE
     Declare a field of a dataclass of settings.
 
     :param default: of the field; a tuple where it is a list.
-    :param description: for people.
+    :param description: of the parameter.
     :param shown: default of the parameter where that cannot be the field's own: it stands for "not
         given" if the field's is None, and for a list if that is one number.
     :param about: further fields of `Parameter`.
@@ -146,9 +146,9 @@ def declared(default: Any, description: str, unit: str = '', low: float = -LARGE
 
 def parameters(kind: type, group: str = '', **about: Any) -> tuple[Parameter, ...]:
     """
-    Give the parameters that the fields of a dataclass declare, in their order.
+    Return the parameters that the fields of a dataclass declare, in their order.
 
-    :param group: in front of their names.
+    :param group: prefix of their names.
     :param about: fields of `Parameter` that all have in common, such as `takes_effect`.
     """
     prefix = f'{group}.' if group else ''
@@ -158,11 +158,11 @@ def parameters(kind: type, group: str = '', **about: Any) -> tuple[Parameter, ..
 
 def check(settings: Any, group: str = '', error: type[ProcPhysError] = SceneError) -> None:
     """
-    Check the fields of a dataclass while it is made, and bring them to their types.
+    Check the fields of a dataclass while it is made, and convert them to their types.
 
-    :param settings: it; None where the default is None stays.
-    :param group: in front of names in messages.
-    :param error: class of what is raised.
+    :param settings: the dataclass; None stays where it is the default.
+    :param group: prefix of names in messages.
+    :param error: class of the exception.
     :raises ProcPhysError: of that class, naming the parameter, the value and what is allowed.
     """
     for parameter in parameters(type(settings), group):

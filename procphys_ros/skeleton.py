@@ -39,7 +39,7 @@ from procphys_ros.linear import norm
 # 2009, New Phytologist 182:565) at about 60 % water.
 LEAF_AREAL_DENSITY = 0.2
 
-_MOST_TAKEN = 0.25  # of a segment's mass, for those that go on from it; half may go down itself
+_MOST_TAKEN = 0.25  # of a segment's mass, by segments above it; it may give half to the one below
 
 Values = float | np.ndarray
 """One number for all nodes, or one for each."""
@@ -51,7 +51,7 @@ _PLAIN = Ornaments()
 @dataclass(frozen=True)
 class Branches:
     """
-    Segments of trees before they become parts; a parent stands before its children.
+    Segments of trees before they become parts; each parent comes before its children.
 
     :ivar parent: segment that this one grows from, -1 for the ground, (S,) int32.
     :ivar lateral: True where a segment starts a side branch of its parent, (S,) bool.
@@ -72,11 +72,11 @@ class Branches:
     :ivar twist_damping, stretch_damping: [N·m·s/rad], [N·s/m], (S,); NaN = from damping_ratio.
     :ivar break_force, break_torque: [N], [N·m], (S,); inf = never.
     :ivar root_stiffness: of the root plate in the ground [N·m/rad], (S,); NaN = rigid. It and
-        root_moment count for segments on the ground only.
-    :ivar root_moment: that turns the root plate out of the ground [N·m], (S,); inf = never.
+        root_moment apply to segments on the ground only.
+    :ivar root_moment: moment that uproots the root plate [N·m], (S,); inf = never.
     :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
-    :ivar cling: strength of the hold on what the plant grows on, per length [N/m], (S,); 0 = none.
+    :ivar cling: strength of the hold on the plant's support, per length [N/m], (S,); 0 = none.
     """
 
     parent: np.ndarray
@@ -116,9 +116,9 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
     """
     Turn segments into capsule bones joined by elastic hinges; part i is segment i.
 
-    A part's frame sits at the middle of its segment, and so does its mass: that of its wood, see
-    `wood_mass`, plus its leaves, which count as spread along the segment. Polygons weigh, and
-    catch wind, as leaves of their area do, but are not shed.
+    A part's frame and centre of mass lie in the middle of its segment. Its mass is that of its
+    wood, see `wood_mass`, plus its leaves, which count as spread along the segment. Polygons have
+    the weight and the wind load of leaves of their area, but are not shed.
 
     :param branches: segments, each parent before its children.
     :param leaves: with `part` = segment and poses in the frame of the part.
@@ -158,7 +158,7 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
 
 def bending_stiffness(branches: Branches) -> np.ndarray:
     """
-    Give the swing stiffness of every joint from beam theory [N·m/rad], (S,).
+    Compute the swing stiffness of every joint from beam theory [N·m/rad], (S,).
 
     A joint stands for the bending of the two half segments beside it, in series: E·I/L between
     equal segments. Where a segment starts clamped (at the ground, or sideways on its parent) only
@@ -178,12 +178,12 @@ def bending_stiffness(branches: Branches) -> np.ndarray:
 
 def wood_mass(branches: Branches) -> np.ndarray:
     """
-    Give the mass of every segment's wood, a frustum [kg], (S,).
+    Compute the mass of every segment's wood, a frustum [kg], (S,).
 
-    The centre of mass of a tapered segment lies below its middle. Where it carries a branch on, it
-    leaves as much of its mass to the segment below as keeps the branch's centre of mass: with it
-    the first frequency of ten segments that taper to a tenth is 1.7 % low, without it 3 %. Where
-    it widens, it takes as much from the segment below, at most a quarter of its mass.
+    The centre of mass of a tapered segment lies below its middle. A segment that continues a
+    branch gives as much of its mass to the segment below as keeps the branch's centre of mass:
+    with it the first frequency of ten segments that taper to a tenth is 1.7 % low, without it
+    3 %. One that widens takes as much from the segment below, at most a quarter of its mass.
     """
     first, last = branches.width, branches.tip_width
     square = first * first + first * last + last * last
@@ -219,10 +219,10 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
     """
     Build a skeleton from points and their parents: one segment per node that has a parent.
 
-    At a fork the thickest child carries the axis on and starts as wide as the fork's node; every
+    At a fork the thickest child continues the axis and starts as wide as the fork's node; every
     other child is a side branch and keeps its own width over its first segment. The physical
-    values, see `Branches`, are those of green hardwood unless given, each as one number or one
-    per node, (K,): of the segment that ends there. `segments_of` says which part that is.
+    values, see `Branches`, are those of green hardwood by default, each as one number or one per
+    node, (K,), for the segment that ends there. `segments_of` returns the part of each node.
 
     :param nodes: points [m], (K, 3), in any order.
     :param parents: index of each node's parent, -1 for a node on the ground, (K,) int.
@@ -250,9 +250,9 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
 
 def segments_of(parents: np.ndarray) -> np.ndarray:
     """
-    Find the segment, and so the part, that `from_nodes` lets end at each node.
+    Find the segment, and so the part, that ends at each node in `from_nodes`.
 
-    Segments are in the order of these nodes, but behind the segment that they grow from.
+    Segments are in the order of these nodes, but after the segment that they grow from.
 
     :param parents: index of each node's parent, -1 for a node on the ground, (K,) int.
     :returns: segments, -1 for nodes without a parent, (K,).
@@ -276,7 +276,7 @@ def segments_of(parents: np.ndarray) -> np.ndarray:
 
 
 def _per_segment(name: str, value: Values, tip: np.ndarray, count: int) -> np.ndarray:
-    """Give a value of each segment, from one of all or one for each node."""
+    """Return a value for each segment, from one for all or one for each node."""
     column = np.asarray(value, float)
     if column.shape not in ((), (count,)):
         raise SceneError(f'{name} has the shape {column.shape}; it must be one number, or one for '
@@ -286,7 +286,7 @@ def _per_segment(name: str, value: Values, tip: np.ndarray, count: int) -> np.nd
 
 def _grown(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, segment: np.ndarray,
            tip: np.ndarray, wood: dict[str, np.ndarray]) -> Branches:
-    """Let segments end at nodes: `tip` of each, (S,), and `segment` of each node, (K,)."""
+    """Make the segments that end at nodes: `tip` of each, (S,), `segment` of each node, (K,)."""
     start = parents[tip]
     thickest_first = np.lexsort((tip, -radii[tip], start))
     lateral = np.ones(len(tip), bool)
@@ -320,7 +320,7 @@ def _hinges(branches: Branches) -> Hinges:
 
 
 def _shortest_turn(direction: np.ndarray) -> np.ndarray:
-    """Give the attitudes (S, 4) that turn z onto directions (S, 3) on the shortest way."""
+    """Compute the attitudes (S, 4) that rotate z to directions (S, 3) by the least angle."""
     x, y, z = (direction / norm(direction, axis=1, keepdims=True)).T
     q = np.column_stack([-y, x, np.zeros_like(x), 1.0 + z])
     q[1.0 + z < 1e-12] = (1.0, 0.0, 0.0, 0.0)  # straight down: any half turn will do
@@ -328,7 +328,7 @@ def _shortest_turn(direction: np.ndarray) -> np.ndarray:
 
 
 def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
-    """Refuse what has no physical meaning, naming the first segment at fault."""
+    """Check that values have a physical meaning, naming the first segment at fault."""
     index = np.arange(len(branches))
     _demand((branches.parent >= GROUND) & (branches.parent < index), 'segment', 'parent',
             branches.parent, 'an earlier segment, or -1 for the ground')

@@ -15,7 +15,7 @@
 """
 Torn wood: jagged ends, stumps, scars, and the root plates of trees that were uprooted.
 
-What is whole costs nothing: which joints have broken is told by poses alone.
+Intact wood costs nothing: broken joints are found from poses alone.
 """
 
 from collections.abc import Iterator
@@ -29,21 +29,21 @@ from procphys_ros.elementary import cos, sin
 from procphys_ros.linear import norm
 
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
-_APART = 0.05     # [m] the two sides of a joint that is whole stay closer than that
+_APART = 0.05     # [m] largest gap of an intact joint
 _SPIKES = 9       # around a broken end
 _LONGEST = 2.2    # of the splinters, in radii of the wood, beyond its round end
-_SHORTEST = 0.85  # likewise, so that they hide that end
-_STRAIGHT = 0.85  # cosine to its parent's axis from which on a branch carries it on
+_SHORTEST = 0.85  # likewise, so that they hide the round end
+_STRAIGHT = 0.85  # least cosine to its parent's axis of a branch that continues it
 # A plate reaches about four stem diameters to each side, and half as deep (Mattheck and Breloer
 # 1994, The Body Language of Trees: 1.2 m for a stem of 0.3 m; at second hand).
-_ONWARDS = 0.75   # of the end that it grew on is the foot of wood that carries that on
+_ONWARDS = 0.75   # of the end below: least foot width of wood that continues it
 _PLATE, _DEPTH = 4.0, 0.5
-_RIM, _ROOTS = 14, 8  # corners of the plate, roots that stick out of it
-_OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # turns z around
+_RIM, _ROOTS = 14, 8  # corners of the plate, roots that project from it
+_OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # reverses z
 _GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _MOST = 100   # broken joints drawn at once, the first ones
-_STEPS = 16   # in which roots leave the ground in messages and on the page
-_PERIOD = 10  # looks at them in which new ones are looked for once: breaks are few
+_STEPS = 16   # of opening, in which roots leave the ground in messages and on the page
+_PERIOD = 10  # updates per search for new ones: breaks are few
 
 # Look, part that carries it or `GROUND`, and corners of triangles in the frame of that part, or of
 # the world [m], (T, 9).
@@ -51,29 +51,29 @@ End = tuple[str, int, np.ndarray]
 
 
 class Wood(Protocol):
-    """What tells where wood has broken."""
+    """Interface that finds the joints where wood has broken."""
 
     def apart(self, poses: np.ndarray) -> np.ndarray:
         """
-        Find the joints that have come apart, (K,) numbers that stay theirs.
+        Find the joints that have come apart, (K,) persistent indices.
 
-        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        :param poses: of the parts, world, (N, 7); not finite for removed parts.
         """
 
     def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """
-        Tell how far broken joints have opened, 0 to 1, (K,).
+        Compute how far broken joints have opened, 0 to 1, (K,).
 
-        :param bonds: numbers of joints that have come apart, (K,).
-        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        :param bonds: indices of joints that have come apart, (K,).
+        :param poses: of the parts, world, (N, 7); not finite for removed parts.
         """
 
     def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
         """
-        Cover both sides of a broken joint.
+        Make the ends on both sides of a broken joint.
 
-        :param bond: its number.
-        :param opened: how far it has opened, 0 to 1: roots leave the ground by and by.
+        :param bond: its index.
+        :param opened: how far it has opened, 0 to 1: roots leave the ground gradually.
         """
 
 
@@ -102,7 +102,7 @@ class WoodJoints:
         """
         Find the bonds that have come apart, (K,).
 
-        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        :param poses: of the parts, world, (N, 7); not finite for removed parts.
         """
         here, there = self._sides(poses, np.arange(len(self._bond)))
         gap = norm(here[:, :3] - there[:, :3], axis=1)
@@ -113,10 +113,10 @@ class WoodJoints:
 
     def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
         """
-        Tell how far the rim of root plates has moved, over their radius, 0 to 1, (K,).
+        Compute how far the rim of root plates has moved, over their radius, 0 to 1, (K,).
 
         :param bonds: that have come apart, (K,); those without a root plate are open at once.
-        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        :param poses: of the parts, world, (N, 7); not finite for removed parts.
         """
         rows = np.searchsorted(self._bond, bonds)
         here, there = self._sides(poses, rows)
@@ -128,13 +128,13 @@ class WoodJoints:
         return np.where(self._uproots[rows] & np.isfinite(share), np.clip(share, 0.0, 1.0), 1.0)
 
     def _sides(self, poses: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Place joints by their children and by their parents, (K, 7) each."""
+        """Compute the poses of joints by their children and by their parents, (K, 7) each."""
         frames = np.concatenate([poses, _GROUND_FRAME])
         return (rotation.compose(frames[self._child[rows]], self._inner[rows]),
                 rotation.compose(frames[self._parent[rows]], self._outer[rows]))
 
     def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
-        """Cover both sides of a broken bond, see `Wood`."""
+        """Make the ends on both sides of a broken bond, see `Wood`."""
         i = int(np.searchsorted(self._bond, bond))
         child, parent = int(self._child[i]), int(self._parent[i])
         width = float(self._blueprint.bond_extent[bond, 0])
@@ -156,13 +156,13 @@ class WoodJoints:
 
 class BrokenWood:
     """
-    Broken joints of trees, where no more is known than the parts that came apart.
+    Broken joints of trees, where only the parts that came apart are known.
 
-    A joint lies between the foot of a segment and the upper end of the one that bore it. Where a
-    side branch pointed to is not known: only its own end is covered.
+    A joint lies between the foot of a segment and the upper end of the one that bore it. The
+    direction of a side branch is not known: only its own end is covered.
 
     :param shape: `Shape` of all parts, (N,).
-    :param size: what is drawn of them [m], (N, 3), as `Blueprint.visual_size`.
+    :param size: drawn extents [m], (N, 3), as `Blueprint.visual_size`.
     :param pairs: parts of the bonds that have broken, the lower one first, (K, 2); -1 = ground.
     :param uprooted: whether the roots gave way, (K,) bool.
     """
@@ -178,15 +178,15 @@ class BrokenWood:
         self._size = size
 
     def apart(self, poses: np.ndarray) -> np.ndarray:
-        """Give the upper segments of all joints that have broken, (K,)."""
+        """Return the upper segments of all joints that have broken, (K,)."""
         return np.array(list(self._joints), np.intp)
 
     def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """Take all joints for open, because where they were is not known, (K,)."""
+        """Return 1 for all joints, because their former places are not known, (K,)."""
         return np.ones(len(bonds))
 
     def ends(self, bond: int, opened: float = 1.0) -> Iterator[End]:
-        """Cover both sides of the joint below a segment."""
+        """Make the ends on both sides of the joint below a segment."""
         parent, uprooted = self._joints[bond]
         width, _, length = self._size[bond]
         foot = np.array([0.0, 0.0, -0.5 * length, 0.0, 0.0, 0.0, 1.0])
@@ -202,7 +202,7 @@ class BrokenWood:
 
 
 class TornEnds:
-    """Keeps the ends of what is torn, and looks for more of them now and then."""
+    """Keeps the ends of torn wood, and searches for more of them at intervals."""
 
     def __init__(self) -> None:
         self._ends: dict[int, list[End]] = {}
@@ -210,15 +210,15 @@ class TornEnds:
         self._turn = 0
 
     def forget(self) -> None:
-        """Look for all of them anew next time."""
+        """Discard all ends; the next update searches for them anew."""
         self._ends, self._opened, self._turn = {}, {}, 0
 
     def update(self, wood: Wood, poses: np.ndarray) -> dict[int, list[End]]:
         """
-        Give the ends of the first joints that have broken, by the numbers of these.
+        Return the ends of the first joints that have broken, by their indices.
 
-        :param wood: where it has broken.
-        :param poses: of the parts, world, (N, 7); not finite for parts that are no more.
+        :param wood: finds the broken joints.
+        :param poses: of the parts, world, (N, 7); not finite for removed parts.
         """
         opening = any(share < 1.0 for share in self._opened.values())
         if opening or self._turn % _PERIOD == 0:
@@ -233,7 +233,7 @@ class TornEnds:
 
 def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:
     """
-    Draw a jagged end at the origin that points along z.
+    Make a jagged end at the origin that points along z.
 
     :param width: diameter of the wood [m].
     :param seed: of the shape.
@@ -258,7 +258,7 @@ def splinters(width: float, seed: int, stub: float = 0.0) -> np.ndarray:
 
 def root_plate(width: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """
-    Draw what a falling tree lifts out of the ground: soil below the origin, and roots.
+    Make the root plate that a falling tree lifts: soil below the origin, and roots.
 
     :param width: diameter of the stem at its foot [m].
     :param seed: of the shape.
@@ -283,13 +283,13 @@ def root_plate(width: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def placed(frame: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """Put triangles (T, 9) of a frame (7,) into the world."""
+    """Transform triangles (T, 9) from a frame (7,) to the world."""
     points = rotation.rotate(frame[3:], corners.reshape(-1, 3)) + frame[:3]
     return points.reshape(-1, 9)
 
 
 def _roots(reach: float, width: float, rng: np.random.Generator) -> np.ndarray:
-    """Draw torn roots, three-sided cones that stick out of a plate."""
+    """Make torn roots, three-sided cones that project from a plate."""
     turn = 2.0 * np.pi * (np.arange(_ROOTS) + rng.uniform(-0.3, 0.3, _ROOTS)) / _ROOTS
     way = np.column_stack([cos(turn), sin(turn), rng.uniform(-0.6, 0.05, _ROOTS)])
     start = 0.5 * reach * way

@@ -26,7 +26,7 @@ from procphys_ros.errors import GrammarWarning
 
 
 class _Handler(logging.Handler):
-    """Hands on records of Python's logging."""
+    """Forwards records of Python's logging."""
 
     def __init__(self, tell: Callable[[str], None]):
         super().__init__(logging.WARNING)
@@ -39,9 +39,9 @@ class _Handler(logging.Handler):
 @contextmanager
 def told_to(tell: Callable[[str], None]) -> Iterator[None]:
     """
-    Hand on what the library warns of, a line each, while this lasts.
+    Forward the library's warnings, one line each, during a block.
 
-    Other warnings of Python stay as they are.
+    Other warnings of Python are unchanged.
 
     :param tell: called with each line; one about a grammar begins with file and line.
     """
@@ -65,5 +65,5 @@ def told_to(tell: Callable[[str], None]) -> Iterator[None]:
 
 
 def print_warning(line: str) -> None:
-    """Print a warning as commands do, on the standard error output."""
+    """Print a warning to the standard error output, as commands do."""
     print(f'warning: {line}', file=sys.stderr, flush=True)

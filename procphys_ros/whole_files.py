@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Files that are written whole or not at all."""
+"""Atomic writing of files."""
 
 import os
 from pathlib import Path
@@ -21,9 +21,9 @@ from tempfile import NamedTemporaryFile
 
 def write_whole(path: Path, data: bytes) -> None:
     """
-    Write a file such that a reader sees all of it or what was there before.
+    Write a file such that a reader sees either all of it or the former content.
 
-    :raises OSError: when it cannot be written; nothing has changed then.
+    :raises OSError: when it cannot be written; the file is unchanged then.
     """
     with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
         try:
