@@ -43,7 +43,7 @@ BASELINES = ((20, 25), (20, 50), (40, 50))  # columns and courses of walls with 
 
 
 def office(size, engine):
-    """Give a simulation of an office, and its number of bricks."""
+    """Make a simulation of an office; return it and its number of bricks."""
     blueprint = WallGrammar.load(OFFICE).build(seed=0, **size)
     scene = Scene()
     scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'office')

@@ -136,7 +136,7 @@ class Trial:
             yield (step + 1) * self.time_step
 
     def cost(self, first: float, last: float) -> float:
-        """Give the median processor time of a step between two times [ms]."""
+        """Compute the median processor time of a step between two times [ms]."""
         own = slice(round(first / self.time_step), round(last / self.time_step))
         return 1e3 * float(np.median(self.cpu[own]))
 
@@ -166,7 +166,7 @@ def ball(world: World, size: float, mass: float, place: list[float], speed: floa
 
 
 def moved(world: World, ids: np.ndarray, before: np.ndarray) -> float:
-    """Give how far the centre of any body has moved [mm]."""
+    """Compute the largest displacement of the centre of any body [mm]."""
     return 1e3 * float(np.abs(world.poses(ids)[:, :3] - before[:, :3]).max())
 
 

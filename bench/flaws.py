@@ -38,7 +38,7 @@ _STEP = 1.0 / 60.0  # [s]
 
 
 def calming(name: str, seconds: float) -> np.ndarray:
-    """Give the speed of the fastest segment of a tree, in every second after a gale [m/s]."""
+    """Measure the speed of the fastest segment of a tree, in every second after a gale [m/s]."""
     simulation = Simulation(Scene.from_parameters({
         'scene': {'objects': [name]}, name: {'grammar': f'{name}.lsys'},
         'wind': {'velocity': [15.0, 0.0, 0.0]}}))
@@ -55,7 +55,7 @@ def calming(name: str, seconds: float) -> np.ndarray:
 
 
 def standing(seconds: float) -> tuple[np.ndarray, np.ndarray]:
-    """Give how far the top course has gone at most [m], ours and with a joint per bond, (T,)."""
+    """Measure the largest shift of the top course [m], ours and with a joint per bond, (T,)."""
     plan = wall(12, 16)
     top = plan.poses[:, 2] > plan.poses[:, 2].max() - 0.01
     scene, ours, theirs = Scene(), [], []

@@ -66,7 +66,7 @@ def arcade(span: float, strength: float) -> Blueprint:
 
 def stones_down(span: float, strength: float, order: int, iterations: float = 1.0) -> float:
     """
-    Give the share of the other stones that come down when the pier is taken out.
+    Measure the share of the other stones that come down when the pier is taken out.
 
     :param span: see `arcade`.
     :param strength: of the mortar in tension and in shear [Pa].

@@ -26,7 +26,7 @@ _EDGES = np.array([(c, c | bit) for bit in (1, 2, 4) for c in range(8) if not c 
 
 
 def solid_corners(world: World, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Give the corners of all boxes and hexahedra of bodies, (P, 8, 3), and whose they are."""
+    """Return the corners of all boxes and hexahedra of bodies, (P, 8, 3), and their bodies."""
     found = [world.pieces(body) for body in ids.tolist()]
     size = np.concatenate([own.sizes for own in found])
     corners = box_corners(-0.5 * size, 0.5 * size)
@@ -41,7 +41,7 @@ def solid_corners(world: World, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray
 
 
 def least_depth(axes: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Give the least overlap of the shadows of pairs of solids along axes, (K, A, 3), as (K,)."""
+    """Compute the least overlap of the shadows of pairs of solids along axes (K, A, 3), (K,)."""
     length = np.linalg.norm(axes, axis=2)
     first, second = (np.einsum('kac,kpc->kap', axes, points) for points in (one, two))
     depth = np.minimum(first.max(axis=2) - second.min(axis=2),
@@ -50,7 +50,7 @@ def least_depth(axes: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarra
 
 
 def depth_between(one: np.ndarray, two: np.ndarray) -> np.ndarray:
-    """Give how deep pairs of convex hexahedra overlap by separating axes [m], (K,)."""
+    """Compute the overlap depth of pairs of convex hexahedra by separating axes [m], (K,)."""
     depth = least_depth(np.concatenate([faces(one)[1], faces(two)[1]], axis=1), one, two)
     rows = np.flatnonzero(depth > 0.0)
     for some in np.array_split(rows, len(rows) // 500 + 1):

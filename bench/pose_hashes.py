@@ -71,7 +71,7 @@ def run(name: str, seconds: int, threads: int) -> list[dict]:
 
 
 def simulate(name: str, seconds: int, threads: int = 0) -> list[dict]:
-    """Give the rows of `run`."""
+    """Simulate a scene and return the rows of `run`."""
     scene = Scene.from_yaml(_FOLDER / f'{name}.yaml')
     scene.settings = replace(scene.settings, threads=threads)
     simulation = Simulation(scene)

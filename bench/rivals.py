@@ -160,6 +160,6 @@ class PyBulletForest:
             bullet.getLinkStates(ident, links[1::2], physicsClientId=client)
 
     def bends(self) -> np.ndarray:
-        """Give all joint angles [rad]."""
+        """Return all joint angles [rad]."""
         return np.array([s[0] for ident, links in self._trees for s in
                          self._bullet.getJointStates(ident, links, physicsClientId=self._client)])

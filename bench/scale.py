@@ -96,7 +96,7 @@ BUILDERS: dict[str, Callable[[int], Simulation]] = {
 
 
 def per_step(simulation: Simulation, steps: int, blocks: int) -> float:
-    """Give the processor time of a step in the fastest of some blocks [s]."""
+    """Measure the processor time of a step in the fastest of some blocks [s]."""
     taken = []
     for _ in range(blocks):
         start = process_time()

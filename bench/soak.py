@@ -221,7 +221,7 @@ def faults(simulation: Simulation) -> tuple[list[str], list[float]]:
 
 
 def _lowest(simulation: Simulation, parts: np.ndarray) -> np.ndarray:
-    """Give the height of the lowest point of parts [m]."""
+    """Compute the height of the lowest point of parts [m]."""
     source, poses = simulation.blueprint, simulation.poses[parts]
     up = np.stack([rotate(poses[:, 3:], axis)[:, 2] for axis in np.eye(3)], axis=1)
     size = source.size[parts]
@@ -237,10 +237,10 @@ def _lowest(simulation: Simulation, parts: np.ndarray) -> np.ndarray:
 
 def memory() -> float:
     """
-    Give the memory that the process uses now [MB].
+    Measure the memory of the process [MB].
 
-    What is free goes back to the system first; otherwise the allocator would keep what the largest
-    collapse so far took, in jumps of 40 MB.
+    Free memory is returned to the system first; otherwise the allocator would keep the peak of the
+    largest collapse so far, in jumps of 40 MB.
     """
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
@@ -249,7 +249,7 @@ def memory() -> float:
 
 
 def _growth(held: list[float]) -> float:
-    """Give the slope of memory over the resets after the warm-up [MB per reset]."""
+    """Fit the slope of memory over the resets after the warm-up [MB per reset]."""
     warm = held[int(_WARM_UP * len(held)):]
     return float(np.polyfit(np.arange(len(warm)), warm, 1)[0]) if len(warm) > 3 else 0.0
 

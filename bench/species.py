@@ -75,7 +75,7 @@ def middle_way(tree: Blueprint, seconds: float) -> np.ndarray:
 
 
 def sway(tree: Blueprint) -> tuple[float, float]:
-    """Give frequency [Hz] and damping ratio of a tree's free sway, from its turning points."""
+    """Measure frequency [Hz] and damping ratio of a tree's free sway, from its turning points."""
     way = middle_way(tree, 20.0)
     turns = np.flatnonzero((way[1:-1] - way[:-2]) * (way[2:] - way[1:-1]) < 0.0) + 1
     turns = turns[np.abs(way[turns]) > 0.05 * way[0]][:9]
@@ -86,7 +86,7 @@ def sway(tree: Blueprint) -> tuple[float, float]:
 
 
 def lean(tree: Blueprint, speed: float) -> float:
-    """Give how far a wind carries the topmost segment of a tree in the mean [m]."""
+    """Measure the mean displacement of the topmost segment of a tree in wind [m]."""
     forest = Forest(tree)
     top, rest = forest.poses[:, 2].argmax(), forest.poses.copy()
     wind, away = np.tile([speed, 0.0, 0.0], (len(forest), 1)), []
@@ -127,7 +127,7 @@ def break_speeds(name: str) -> tuple[np.ndarray, int, int]:
 
 
 def drag_exponent(tree: Blueprint) -> float:
-    """Give the exponent of the speed in the drag of a tree too stiff to bend, 10 to 25 m/s."""
+    """Fit the exponent of the speed in the drag of a tree too stiff to bend, 10 to 25 m/s."""
     stiff = replace(tree.hinges, swing_stiffness=np.full(len(tree), 1e9))
     drag = []
     for speed in (10.0, 25.0):
@@ -141,7 +141,7 @@ def drag_exponent(tree: Blueprint) -> float:
 
 
 def published_frequency(name: str, breast: float, height: float) -> str:
-    """Give what was published for trees of that size, breast height diameter and height [m]."""
+    """Return the published frequency of trees by breast height diameter and height [m]."""
     slenderness = 100.0 * breast / height ** 2
     if name in _CONIFERS:
         line = 0.0766 + 3.1219 * slenderness
@@ -153,7 +153,7 @@ def published_frequency(name: str, breast: float, height: float) -> str:
 
 
 def published_mass(name: str, breast: float) -> str:
-    """Give the green mass above ground that was published for that diameter [m]."""
+    """Return the published green mass above ground of trees by that diameter [m]."""
     if name not in _DRY_MASS:
         return _NOTHING
     first, power = _DRY_MASS[name]

@@ -102,7 +102,7 @@ class Run:
         rclpy.try_shutdown()
 
     def _cpu(self) -> float:
-        """Give the CPU time of the node so far, all threads [s]; children have their own."""
+        """Read the CPU time of the node so far, all threads [s]; children have their own."""
         fields = Path(f'/proc/{self._process.pid}/stat').read_text('ascii').rpartition(')')[2]
         user, system = fields.split()[11:13]
         return (int(user) + int(system)) / os.sysconf('SC_CLK_TCK')

@@ -51,14 +51,14 @@ _SYMMETRIC = {'permc_spec': 'MMD_AT_PLUS_A', 'diag_pivot_thresh': 0.0,
 
 
 def timed(work):
-    """Give the seconds that a call takes, and its result."""
+    """Measure the duration of a call [s]; return it and its result."""
     begin = time.perf_counter()
     result = work()
     return time.perf_counter() - begin, result
 
 
 def processor(work):
-    """Give the processor time of a call [s]."""
+    """Measure the processor time of a call [s]."""
     begin = time.process_time()
     work()
     return time.process_time() - begin
@@ -82,7 +82,7 @@ def jacobi(solver, displacement, load, limit=20000):
 
 
 def assembled(graph, owner, middle):
-    """Give K itself, each part its own aggregate."""
+    """Assemble K itself, each part its own aggregate."""
     matrix = CoarseMatrix(graph, np.flatnonzero(graph.alive), owner, middle)
     return bsr_matrix((matrix.blocks, matrix.column, matrix.start)).tocsc()
 

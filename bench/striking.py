@@ -43,7 +43,7 @@ BASELINE = (20, 50)  # columns and courses of the wall that a joint per bond has
 
 
 def office(size, engine):
-    """Give a simulation of an office, and how many bricks it has."""
+    """Make a simulation of an office; return it and its number of bricks."""
     blueprint = WallGrammar.load(OFFICE).build(seed=0, **size)
     bricks = sum(int((blueprint.kind == i).sum()) for i, kind in enumerate(blueprint.kinds)
                  if kind in ('brick', 'partition'))

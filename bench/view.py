@@ -46,7 +46,7 @@ class Replay:
         self.watched, self.frames, self.turn = True, frames, 0
 
     def frame(self) -> Frame:
-        """Give the next frame."""
+        """Return the next frame."""
         self.turn += 1
         place = self.turn % (2 * len(self.frames) - 2)
         return self.frames[min(place, 2 * len(self.frames) - 2 - place)]

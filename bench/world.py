@@ -33,7 +33,7 @@ MASS = 2.7
 
 
 def wall(columns, rows, walls=1):
-    """Give the poses of half-brick walls in running bond, 2 m apart, (K, 7)."""
+    """Compute the poses of half-brick walls in running bond, 2 m apart, (K, 7)."""
     row, column, index = np.meshgrid(range(rows), range(columns), range(walls), indexing='ij')
     x = (column + 0.5 * (row % 2)) * PITCH[0]
     z = 0.5 * BRICK[2] + row * PITCH[2]
@@ -42,7 +42,7 @@ def wall(columns, rows, walls=1):
 
 
 def neighbours(columns, rows):
-    """Give the bonds of one such wall: along the courses, and with both bricks below."""
+    """List the bonds of one such wall: along the courses, and with both bricks below."""
     bonds = []
     for row in range(rows):
         for column in range(columns):

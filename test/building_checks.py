@@ -33,7 +33,7 @@ _BUCKET = 0.5    # [m] side of the cubes that near parts share
 
 
 def standing(blueprint):
-    """Give a simulation of one building, with the quick engine: what stands needs none."""
+    """Make a simulation of one building, with the quick engine: a standing one needs no other."""
     scene = Scene(Settings(engine='native'))
     scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'house')
     return Simulation(scene)
@@ -94,7 +94,7 @@ def deepest_overlap(blueprint):
 
 
 def corners_of(blueprint):
-    """Give the corners of all parts, (N, 8, 3)."""
+    """Return the corners of all parts, (N, 8, 3)."""
     half = 0.5 * blueprint.size
     points = blueprint.poses[:, None, :3] + rotation.rotate(
         blueprint.poses[:, None, 3:], box_corners(-half, half))

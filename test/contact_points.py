@@ -62,7 +62,7 @@ class ContactPoints:
 
     @staticmethod
     def _motion(plan, place, axes):
-        """Give the matrix from displacements of parts to those of points, bond frame."""
+        """Assemble the matrix from displacements of parts to those of points, bond frame."""
         points = place.shape[0] * place.shape[1]
         rows, columns, values = [], [], []
         for bodies, sign in ((plan.bonds[:, 0], -1.0), (plan.bonds[:, 1], 1.0)):
@@ -101,7 +101,7 @@ class ContactPoints:
         return False
 
     def _forces(self):
-        """Give what points pull with, bond frame, (3 P,); what slides, slides on."""
+        """Compute the forces of points, bond frame, (3 P,); sliding points slide on."""
         moved = (self.motion @ self.place).reshape(-1, 3)
         pull = np.minimum(self.normal * moved[:, 2], 0.0)
         rubs = self.shear[:, None] * (moved[:, :2] - self.slid)

@@ -129,7 +129,7 @@ class EnergyLedger:
         return self._sum(energy)
 
     def bound(self) -> np.ndarray:
-        """Give what the kinetic energy of each object may be at most [J], (K,)."""
+        """Return the largest possible kinetic energy of each object [J], (K,)."""
         return (self._given + self._sum(self._fallen + self._owed)
                 + self._sum_joints(self._preload))
 
@@ -154,13 +154,13 @@ class EnergyLedger:
             self._speed, np.linalg.norm(self._simulation.velocities[new, :3], axis=1)])
 
     def _wind(self) -> np.ndarray:
-        """Give the speed of the air at all parts [m/s]."""
+        """Return the speed of the air at all parts [m/s]."""
         simulation = self._simulation
         points = np.where(np.isfinite(simulation.poses[:, :3]), simulation.poses[:, :3], 0.0)
         return np.linalg.norm(simulation.wind.velocity(points, simulation.time), axis=1)
 
     def _drag(self) -> np.ndarray:
-        """Give force over the square of the speed, at most [N·s²/m²]."""
+        """Return an upper bound of force over the square of the speed [N·s²/m²]."""
         source = self._simulation.blueprint
         x, y, z = source.visual_size.T
         wood = CYLINDER_DRAG * np.maximum(x, y) * z + LEAF_DRAG * source.leaf_area
@@ -168,7 +168,7 @@ class EnergyLedger:
         return 0.5 * AIR_DENSITY * np.where(source.shape == Shape.CAPSULE, wood, faces)
 
     def _pushed_out(self) -> np.ndarray:
-        """Give the energy of trees that the ground pushes out [J], (K,)."""
+        """Compute the energy of trees that the ground pushes out [J], (K,)."""
         source = self._simulation.blueprint
         size = source.solid_size(np.arange(len(source)))
         radius, half = 0.5 * size[:, 0], 0.5 * np.maximum(size[:, 2] - size[:, 0], 0.0)

@@ -231,7 +231,7 @@ class Envelope:
 
 
 def energy(simulation: Simulation) -> float:
-    """Give the energy of motion and height of all parts that exist [J]."""
+    """Compute the kinetic and potential energy of all parts that exist [J]."""
     plan, poses, speed = simulation.blueprint, simulation.poses, simulation.velocities
     spin = np.einsum('nij,ni->nj', rotation.to_matrix(poses[:, 3:]), speed[:, 3:])
     gravity = simulation.scene.settings.gravity

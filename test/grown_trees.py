@@ -27,7 +27,7 @@ BENDING = MODULUS * np.pi * RADIUS ** 4 / 4.0  # E·I [N·m²]
 
 def effective_mass(forest: Forest, row: int, point: np.ndarray, way: np.ndarray,
                    dt: float = 1.0 / 60.0) -> float:
-    """Give the mass that a point shows along a unit vector, springs of the step included [kg]."""
+    """Compute the effective mass of a point along a unit vector, with the step's springs [kg]."""
     look = forest.predict_response(np.array([row]), np.array([point], float), dt)
     return 1.0 / float(way @ look.response[0] @ way)
 

@@ -26,10 +26,10 @@ ITERATIONS = 50  # of PyBullet's solver, per step; its own choice is 50
 
 def bond_gaps(blueprint: Blueprint, poses: np.ndarray) -> np.ndarray:
     """
-    Give how far apart the two sides of every bond have come [m], (M,).
+    Compute the distance between the two sides of every bond [m], (M,).
 
     Each side carries the point of contact along; bonded parts that move rigidly or turn about it
-    keep the two points together. Not a number where a side exists no more.
+    keep the two points together. Not a number where a side no longer exists.
     """
     first, second = blueprint.bonds[:, 0], blueprint.bonds[:, 1]
     place = []
@@ -81,7 +81,7 @@ class JointedBodies:
                                     **self._to)
 
     def kick(self, parts: np.ndarray, velocity: np.ndarray) -> None:
-        """Give parts a velocity [m/s], (3,)."""
+        """Set the velocity of parts [m/s], (3,)."""
         for part in parts:
             pybullet.resetBaseVelocity(self.bodies[part], list(velocity), [0, 0, 0], **self._to)
 

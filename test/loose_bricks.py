@@ -25,12 +25,12 @@ BRICK_MASS = 2.7
 
 
 def at(x, y, z, attitude=(0.0, 0.0, 0.0, 1.0)):
-    """Give a pose."""
+    """Return a pose, (7,)."""
     return np.array([x, y, z, *attitude])
 
 
 def nudged(seed):
-    """Give a gravity that differs by a millionth, as a nudge of what is chaotic [m/s²]."""
+    """Return a gravity that differs by a millionth, to perturb chaotic motion [m/s²]."""
     return np.array([0.0, 0.0, -G]) + 1e-6 * np.random.default_rng(seed).normal(size=3)
 
 

@@ -25,7 +25,7 @@ _CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (
 
 
 def lowest(pieces: Pieces, pose: np.ndarray, terrain: Terrain = FLAT) -> float:
-    """Give the distance of the lowest point of a body from the ground, negative within [m]."""
+    """Compute the distance of a body's lowest point from the ground, negative within [m]."""
     places, radii = [np.zeros((0, 3))], [np.zeros(0)]
     for piece, (shape, size) in enumerate(zip(pieces.shapes, pieces.sizes)):
         if shape == Shape.BOX:

@@ -36,7 +36,7 @@ _EXTENT = ((2, 1), (0, 2), (0, 1))  # world axes along the frame's x and y
 
 def mortar(count, tension=0.2e6, cohesion=0.3e6, friction=0.7, compression=1e7, normal=1e11,
            shear=0.4e11):
-    """Give the same strengths to all bonds."""
+    """Make the mortar of bonds with the same strengths."""
     return Mortar(*(np.full(count, float(v)) for v in (
         tension, cohesion, friction, compression, normal, shear)))
 
@@ -218,7 +218,7 @@ def admissible(plan, friction, standing=None):
 
 def resistance_of(solver: StressSolver, parts: np.ndarray, direction: np.ndarray) -> Resistance:
     """
-    Give what a set of parts withstands that is driven out as one, whatever might go along.
+    Compute the resistance of a set of parts that is driven out as one, without other parts.
 
     :param parts: (K,) indices.
     :param direction: unit vector, world, (3,).

@@ -87,7 +87,7 @@ class NodeProcess:
         self._reader.start()
 
     def next_line(self, patience: float = PATIENCE) -> str:
-        """Give the next line that the node says."""
+        """Return the next line that the node prints."""
         line = self._lines.get(timeout=patience)
         assert line is not None, f'the node ended: {self.complaints()}'
         return line
@@ -120,7 +120,7 @@ class NodeProcess:
         self._lines.put(None)
 
     def complaints(self) -> str:
-        """Give what the node has said so far that is not how it goes: warnings and worse."""
+        """Return the warnings and errors that the node has printed so far."""
         return ''.join(line for line in self._said if not _GOOD_NEWS.match(line))
 
 
@@ -254,7 +254,7 @@ class Client:
                                            lambda array: fits(values_of(array))))
 
     def watch_status(self) -> Callable[[], dict[str, str]]:
-        """Give a function that tells the newest status; 'message' is among its values."""
+        """Return a function that returns the newest status; 'message' is among its values."""
         received = self.listen(DiagnosticArray, '/diagnostics', 10)
         self.spin_until(lambda: received, 'a status')
         return lambda: values_of(received[-1])

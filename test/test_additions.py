@@ -190,7 +190,7 @@ def test_a_free_name_is_one_that_nothing_has_or_had():
 
 
 def test_what_is_loose_can_be_put_elsewhere():
-    """Give a ball in flight a pose and a twist: it falls freely from there; walls stay put."""
+    """Set pose and twist of a ball in flight: it falls freely from there; walls stay put."""
     simulation = stand(wall(3, 3))
     simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 1.0), (3.0, 0.0, 0.0)))
     simulation.step(200)  # it lies still

@@ -62,7 +62,7 @@ def built(arch='round, 1', height=1.1, below='opening'):
 
 
 def extents(blueprint):
-    """Give the ends of the boxes of all parts [m], two of (N, 3)."""
+    """Return the ends of the boxes of all parts [m], two of (N, 3)."""
     turned = rotation.rotate(blueprint.poses[:, None, 3:], box_corners(
         -0.5 * blueprint.size, 0.5 * blueprint.size))
     return (blueprint.poses[:, :3] + turned.min(axis=1),
@@ -70,7 +70,7 @@ def extents(blueprint):
 
 
 def outlines(blueprint):
-    """Give the outlines of all parts in the plane of the wall, counter-clockwise, (N, 4, 2)."""
+    """Return the outlines of all parts in the plane of the wall, counter-clockwise, (N, 4, 2)."""
     low, high = extents(blueprint)
     flat = rectangles(low[:, [0, 2]], high[:, [0, 2]])
     solids = blueprint.hexahedra

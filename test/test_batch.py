@@ -246,7 +246,7 @@ def test_a_full_disk_costs_the_last_row(tmp_path):
 
 
 def test_types_of_a_parquet_file_do_not_depend_on_what_happened(tmp_path, monkeypatch):
-    """Give times as numbers, NaN when nothing broke, and digests as texts; name a full disk."""
+    """Write times as numbers, NaN when nothing broke, and digests as texts; name a full disk."""
     parquet = pytest.importorskip('pyarrow.parquet')
     path = tmp_path / 'table.parquet'
     table = Table(path, ('seed',), '012345678901')

@@ -37,7 +37,7 @@ panel wall: running
 
 
 def parameters(**changes):
-    """Give a scene of a wall 2.4 m long and one of 1.2 m on it."""
+    """Return the parameters of a wall 2.4 m long and one of 1.2 m on it."""
     upper = {'grammar_text': STONE.format(name='upper', length=1.2), 'origin': [0.6, 0.0, 0.0],
              'on': 'lower', **changes}
     return {'scene': {'objects': ['lower', 'upper']}, 'upper': upper,

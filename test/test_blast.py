@@ -38,7 +38,7 @@ BRICK = (0.215, 0.1025, 0.065)
 
 
 def face_impulse(z, cosine):
-    """Give the impulse on an endless face of what is free on all sides, in free air."""
+    """Compute the impulse on an endless face of a free-standing body, in free air."""
     return incidence(air_blast.reflected_impulse(z), air_blast.impulse(z), cosine)
 
 
@@ -333,7 +333,7 @@ def test_turned_scene_has_turned_impulses():
 
 
 def test_what_stands_between_shields():
-    """Give nothing to a box behind a larger one, unless that one does not block."""
+    """Apply no impulse to a box behind a larger one, unless that one does not block."""
     poses, sizes = _boxes((3.0, 0.0, HIGH), (6.0, 0.0, HIGH), (6.0, 8.0, HIGH))
     charge = (0.0, 0.0, HIGH)
     shielded = blast_boxes(charge, CHARGE, poses, sizes).linear

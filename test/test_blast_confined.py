@@ -44,14 +44,14 @@ panel arch: arch(round, 1)
 
 
 def stand(built, place=(0.0, 0.0, 0.0), yaw=0.0):
-    """Give a simulation of a blueprint."""
+    """Make a simulation of a blueprint."""
     scene = Scene(Settings())
     scene.add(built, place, yaw)
     return Simulation(scene)
 
 
 def impulses(simulation, point, charge=30.0):
-    """Give what a charge gives to each part [N·s], (N, 3)."""
+    """Return the impulse of a charge on each part [N·s], (N, 3)."""
     (parts, gift), = on_everything(simulation.model, simulation.state, point, charge, 0.0)
     found = np.zeros((len(simulation.blueprint), 3))
     found[parts] = gift.linear

@@ -27,7 +27,7 @@ from procphys_ros.simulation.blast_loads import on_everything
 
 
 def stand(built, **settings):
-    """Give a simulation of a blueprint without gravity."""
+    """Make a simulation of a blueprint without gravity."""
     scene = Scene(Settings(gravity=0.0, **settings))
     scene.add(built)
     return Simulation(scene)
@@ -78,7 +78,7 @@ def test_debris_carries_what_reached_it_at_most(seed):
 
 @pytest.mark.parametrize('step', [1 / 20, 1 / 60, 1 / 240])
 def test_a_block_in_the_open_keeps_all_of_it(step):
-    """Give a dry block, which nothing holds back, the whole impulse at every time step."""
+    """Apply the whole impulse to a dry block, which nothing holds back, at every time step."""
     built = bonded([[0.0, 10.0, 0.5]], [[1.0, 1.0, 1.0]], 500.0, tension=0.0, cohesion=0.0,
                    friction=0.0)
     simulation = stand(built, time_step=step)

@@ -65,7 +65,7 @@ panel wall: running
 
 
 def stand(*placed, **settings):
-    """Give a simulation of blueprints at places."""
+    """Make a simulation of blueprints at places."""
     scene = Scene(Settings(**settings))
     for built, position in placed:
         scene.add(built, position)
@@ -100,7 +100,7 @@ def test_a_loose_block_gets_its_impulse_when_the_wave_arrives():
 
 
 def test_a_tree_feels_the_wave():
-    """Give each segment its impulse; what stands in front of a trunk shields it."""
+    """Apply its impulse to each segment; a wall in front of a trunk shields it."""
     poses = trunk().poses + np.array([0, 6.0, 0, 0, 0, 0, 0])
     gift = blast_capsules((0, 0, 1.0), 5.0, poses, trunk().size)
     bends = []
@@ -213,7 +213,7 @@ def test_a_wave_breaks_panes_that_lie_about():
 
 
 def test_what_flies_off_has_the_wave_s_momentum_at_most():
-    """Give torn bricks no more than impulse over mass, less what their bonds took."""
+    """Check that torn bricks fly at impulse over mass at most, less what their bonds took."""
     simulation = stand((wall(24, 32), (0.0, 0.0, 0.0)), gravity=0.0)
     source = simulation.blueprint
     gift = blast_boxes((2.7, -2.0, 1.2), 3.0, *with_joints(source))

@@ -29,7 +29,7 @@ PACES = (0.4, 1.0, 10.0)  # times as many iterations per step
 
 
 def stand(built):
-    """Give a simulation of a wall."""
+    """Make a simulation of a wall."""
     scene = Scene(Settings())
     scene.add(built)
     return Simulation(scene)
@@ -43,7 +43,7 @@ def at_pace(monkeypatch, pace):
 
 
 def fallen(simulation, count):
-    """Give how many of the first parts do not stand."""
+    """Count the first parts that do not stand."""
     return int(np.count_nonzero(~simulation.state.standing[:count]))
 
 

@@ -58,7 +58,7 @@ def fall(blueprint, height, seconds=3.0):
 
 
 def momentum(blueprint, poses, velocities):
-    """Give linear momentum, and angular momentum about the origin, (6,)."""
+    """Compute linear momentum, and angular momentum about the origin, (6,)."""
     linear = blueprint.mass[:, None] * velocities[:, :3]
     axes = rotation.to_matrix(poses[:, 3:])
     spin = np.einsum('nij,nj,nkj,nk->ni', axes, blueprint.inertia, axes, velocities[:, 3:])
@@ -159,7 +159,7 @@ def test_stress_in_a_free_bar_is_that_of_inertia_relief():
 
 
 def test_even_acceleration_makes_no_stress():
-    """Give all parts of a wall loads in proportion to their mass: nothing breaks."""
+    """Load all parts of a wall in proportion to their mass: nothing breaks."""
     piece = wall(6, 6, ground=False)
     wrenches = np.zeros((len(piece), 6))
     wrenches[:, 2] = 1e6 * piece.mass

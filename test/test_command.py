@@ -47,7 +47,7 @@ def node(tmp_path_factory):
 
 @pytest.fixture
 def say(tmp_path, monkeypatch, capfd):
-    """Give a function that carries out one command line here: exit code, output, errors."""
+    """Return a function that runs one command line here: exit code, output, errors."""
     monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
 
@@ -62,7 +62,7 @@ def say(tmp_path, monkeypatch, capfd):
 
 @pytest.fixture
 def run(tmp_path):
-    """Give a function that runs one command line as a process: exit code, output, errors."""
+    """Return a function that runs one command line as a process: exit code, output, errors."""
     def start(words):
         done = subprocess.run(
             [*COMMAND, *with_patience(words)], cwd=ROOT,

@@ -62,7 +62,7 @@ class Record:
 
 
 def doer(clock: FakeClock) -> tuple[list[str], Callable[[str], str]]:
-    """Give a command that takes a millisecond, and the list of those that were carried out."""
+    """Return a command that takes a millisecond, and the list of those carried out."""
     done: list[str] = []
 
     def act(name: str) -> str:

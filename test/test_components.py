@@ -23,7 +23,7 @@ from procphys_ros.physics.masonry import components
 
 
 def pairs_of(*pairs):
-    """Give first and second of bonds, ground written as 'g' in a graph of ten parts."""
+    """Return first and second of bonds, ground written as 'g' in a graph of ten parts."""
     array = np.array([[10 if p == 'g' else p for p in pair] for pair in pairs], np.int32)
     return array[:, 0].copy(), array[:, 1].copy()
 

@@ -290,7 +290,7 @@ def slab(thick: float, wide: int, high: float) -> Blueprint:
 
 
 def test_nothing_changes_where_nothing_touches():
-    """Give the same poses to the bit whether contacts are looked for or not."""
+    """Expect the same poses to the bit with and without the search for contacts."""
     def run(blind: bool) -> np.ndarray:
         scene = Scene()
         for i in range(3):

@@ -135,7 +135,7 @@ def without(plan, order, turns, each):
 
 
 def a_pier_of_an_arcade(**strengths):
-    """Give a wall with three openings, and the bricks of a pier between two of them."""
+    """Return a wall with three openings, and the bricks of a pier between two of them."""
     plan = wall(28, 26, [(0.9 + 1.8 * k, -0.1, 1.8 + 1.8 * k, 1.2) for k in range(3)],
                 **strengths)
     x, z = plan.poses[:, 0], plan.poses[:, 2]
@@ -143,7 +143,7 @@ def a_pier_of_an_arcade(**strengths):
 
 
 def a_corner_of_a_house(tension):
-    """Give a house with a slab, and the bricks of a corner of it."""
+    """Return a house with a slab, and the bricks of a corner of it."""
     plan = building(side=12, storeys=1, courses=20, windows=2, tension=tension,
                     cohesion=1.25 * tension)
     x, y, z = plan.poses[:, :3].T

@@ -29,7 +29,7 @@ PLACE, RADIUS = [3.0, 0.0, 0.6], 0.59
 
 
 def stand(built):
-    """Give a simulation of one building."""
+    """Make a simulation of one building."""
     scene = Scene()
     scene.add(built, name='house')
     return Simulation(scene)
@@ -62,13 +62,13 @@ def fired():
 
 
 def momenta(simulation):
-    """Give the momentum of all parts that are there [N·s], (K, 3)."""
+    """Compute the momentum of all existing parts [N·s], (K, 3)."""
     there = simulation.exists
     return simulation.blueprint.mass[there, None] * simulation.velocities[there, :3]
 
 
 def bodies(simulation):
-    """Give masses and velocities of the loose bodies, (K,), (K, 3)."""
+    """Return masses and velocities of the loose bodies, (K,), (K, 3)."""
     ids = np.array(list(simulation.state.bodies.members))
     table = simulation.state.world.bodies
     return table.mass[ids], table.velocities[ids, :3]

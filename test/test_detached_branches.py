@@ -37,7 +37,7 @@ def stand(**material: float) -> Simulation:
 
 def motion(mass: np.ndarray, inertia: np.ndarray, poses: np.ndarray,
            velocities: np.ndarray) -> np.ndarray:
-    """Give momentum, and angular momentum about the origin, (6,)."""
+    """Compute momentum, and angular momentum about the origin, (6,)."""
     spin = rotation.rotate(rotation.conjugate(poses[:, 3:]), velocities[:, 3:])
     own = rotation.rotate(poses[:, 3:], inertia * spin)
     push = mass[:, None] * velocities[:, :3]

@@ -32,14 +32,14 @@ BEHIND = (0.0, 0.0, 1.0, 0.0)  # quaternion of a look along -x
 
 
 def stand(wind=None, **culling):
-    """Give a stand of 7 x 7 thin poles, 6 m apart."""
+    """Make a simulation of a stand of 7 x 7 thin poles, 6 m apart."""
     return Simulation(Scene.from_parameters({
         'scene': {'objects': ['pole']}, 'wind': wind or BREEZE, 'culling': culling,
         'pole': {'grammar_text': POLE, 'count': 49, 'spacing': 6.0, 'variants': 1}}))
 
 
 def places(simulation):
-    """Give where the trees stand [m], (49, 3)."""
+    """Return the places of the trees [m], (49, 3)."""
     return simulation.blueprint.bond_frame[::PER_TREE, :3]
 
 

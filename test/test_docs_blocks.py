@@ -48,13 +48,13 @@ HOMES = ('docs/tutorials/own_house.md',)  # what later tutorials take up
 
 
 def blocks(page: str, kind: str) -> list[str]:
-    """Give the blocks of code of one kind in a page; '' = grammars, tables and output."""
+    """Return the code blocks of one kind in a page; '' = grammars, tables and output."""
     return [body for found, body in re.findall(r'^```(\w*)\n(.*?)^```', PAGES[page],
                                                re.DOTALL | re.MULTILINE) if found == kind]
 
 
 def grammars(page: str) -> dict[str, str]:
-    """Give the grammars of a page by the names of their files."""
+    """Return the grammars of a page by the names of their files."""
     named = {}
     for body in blocks(page, ''):
         if found := re.search(r'^building (\w+)', body, re.MULTILINE):
@@ -65,7 +65,7 @@ def grammars(page: str) -> dict[str, str]:
 
 
 def scenes(page: str) -> dict[str, str]:
-    """Give the whole scene files of a page by the names that the page gives them."""
+    """Return the whole scene files of a page by the names in the page."""
     whole = [body for body in blocks(page, 'yaml')
              if 'ros__parameters' in body and 'objects:' in body]
     names = re.findall(r'[Ss]ave this as `(\w+\.yaml)`', PAGES[page])
@@ -142,7 +142,7 @@ def commands(page: str) -> list[list[str]]:
 
 
 def called(words: list[str]) -> tuple[str, list[str]]:
-    """Give the executable of ours that a command calls, and its words; '' = of others."""
+    """Return the executable of ours that a command calls, and its words; '' = of others."""
     if words[:3] == ['ros2', 'run', 'procphys_ros']:
         return words[3], words[4:]
     name = Path(words[0]).name

@@ -33,7 +33,7 @@ _SHED = re.search(r'```\n(building .*?)```', _PAGE, re.DOTALL)[1]
 
 
 def _rows(section: str, head: str) -> dict[str, list[str]]:
-    """Give the rows of a table by the first name in them, as cells."""
+    """Return the rows of a table by the first name in them, as cells."""
     text = _PAGE.split(f'## {section}\n')[1].split('\n## ')[0]
     table = re.search(rf'^\| {head} \|.*\n\|[-|]+\n((?:\|.*\n)+)', text, re.MULTILINE)[1]
     rows = [[cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]]
@@ -80,7 +80,7 @@ def test_properties_of_buildings():
 
 @pytest.mark.parametrize('key', ['floors', 'roof', 'partitions'])
 def test_words_of_floors_roofs_and_partitions(key):
-    """Give every word with the range of its number."""
+    """Check that every word is documented with the range of its number."""
     shed = re.sub(r'^  roof: .*\n', '', _SHED, flags=re.MULTILINE)
 
     def with_word(word: str) -> str:

@@ -62,7 +62,7 @@ class Drawn:
         self.turn = turn if kind == 'pointed' else 0.5 * np.pi - half + 2.0 * turn
 
     def lines(self, ratio):
-        """Give inner and outer ends of the joints for a thickness over half the span."""
+        """Compute inner and outer ends of the joints for a thickness over half the span."""
         size = self.radius / (1.0 - self.inside)  # of the arc
         radii = size + np.array([-0.5, 0.5]) * ratio * self.radius
         middle = self.inside * size

@@ -43,24 +43,24 @@ STEP = 1.0 / 60.0
 
 
 def blowing(velocity):
-    """Give a wind that is the same everywhere."""
+    """Return a wind that is the same everywhere."""
     return lambda points: np.broadcast_to(np.asarray(velocity, float), points.shape).copy()
 
 
 def cloud_of(energy=5000.0, height=50.0, capacity=50_000, seed=1):
-    """Give dust that rose from one place."""
+    """Make a cloud of dust that rose from one place."""
     cloud = DustCloud(capacity, seed)
     cloud.raise_dust(np.array([[0.0, 0.0, height]]), np.array([0.1]), np.array([energy]))
     return cloud
 
 
 def total_mass(cloud):
-    """Give the mass of all puffs and of what waits to become one [kg]."""
+    """Sum the mass of all puffs and of dust that waits to become one [kg]."""
     return cloud.mass[cloud.state != State.GONE].sum() + cloud.owed
 
 
 def tower(drop=0.0, wind=(0.0, 0.0, 0.0), **groups):
-    """Give a simulation of a column of ten bricks, hung up so high that it falls by `drop`."""
+    """Make a simulation of a column of ten bricks, hung up so high that it falls by `drop`."""
     settings = read_settings(groups)
     wind = WindSettings(wind, turbulence_intensity=0.0, profile='uniform')
     scene = Scene(Settings(wind=wind, dust=settings.dust))
@@ -80,7 +80,7 @@ def fallen(drop, seconds=3.0):
 
 
 def test_dust_is_proportional_to_energy():
-    """Give 5 % of a mill's 1/53.6 g/J, in puffs and what is kept for the next."""
+    """Expect 5 % of a mill's 1/53.6 g/J, in puffs and the rest kept for the next."""
     assert pytest.approx(0.05 / 53.57e3, rel=1e-3) == DUST_PER_ENERGY
     for energy in (1.0, 30.0, 1000.0, 1e6):
         cloud = cloud_of(energy)
@@ -283,7 +283,7 @@ def test_a_projectile_gives_dust_for_the_energy_it_leaves_in_a_wall():
 
 
 def test_standing_and_resting_things_do_not_smoke():
-    """Give no dust at all from a standing tower, and none from one that lies still."""
+    """Expect no dust at all from a standing tower, and none from one that lies still."""
     simulation = tower()
     simulation.step(60)
     assert total_mass(simulation.state.dust.cloud) == 0.0
@@ -307,7 +307,7 @@ def test_reset_clears_the_air():
 
 
 def test_switched_off_dust_changes_nothing():
-    """Give the same poses with and without dust, and no puffs without."""
+    """Expect the same poses with and without dust, and no puffs without."""
     runs = []
     for enabled in (True, False):
         simulation = tower(2.0, dust={'enabled': enabled})

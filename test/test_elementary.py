@@ -37,7 +37,7 @@ _CASES = {'sin': (np.sin, _WIDE), 'cos': (np.cos, _WIDE), 'tan': (np.tan, _WIDE)
 
 
 def units(got: np.ndarray, exact: np.ndarray) -> float:
-    """Give the largest error in units in the last place."""
+    """Compute the largest error in units in the last place."""
     return float(np.max(np.abs(got - exact) / np.spacing(np.abs(exact.astype(float)))))
 
 

@@ -30,7 +30,7 @@ _BALL = Projectile('sphere', 0.4, 80.0, (0.6, -0.6, 0.3), (0.0, 6.0, 0.0))
 
 
 def struck():
-    """Give a scene with a wall of 33 bricks that a ball knocks down."""
+    """Make a scene with a wall of 33 bricks that a ball knocks down."""
     scene = Scene(Settings(cues=(Cue(0.0, '', _BALL),)))
     scene.add(wall(5, 6, tension=2e4, cohesion=2e4))
     return scene

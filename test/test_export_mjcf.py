@@ -39,12 +39,12 @@ def load(path: Path):
 
 
 def bodies(model, content: Content) -> list[int]:
-    """Give MuJoCo's number of every part."""
+    """Return MuJoCo's index of every part."""
     return [model.body(name).id for name in content.full_names]
 
 
 def crossings(values: np.ndarray, step: float) -> float:
-    """Give the frequency of a decaying oscillation about 0 from its upward crossings [Hz]."""
+    """Compute the frequency of a decaying oscillation about 0 from its upward crossings [Hz]."""
     up = np.flatnonzero((values[:-1] < 0.0) & (values[1:] >= 0.0))
     exact = up + values[up] / (values[up] - values[up + 1])
     assert len(exact) >= 3
@@ -101,7 +101,7 @@ def sag(scene: Scene, part: int, force: float) -> tuple[np.ndarray, Simulation]:
 
 @pytest.mark.parametrize('kind', ['beam', 'pine.lsys'])
 def test_static_sag_agrees(kind, tmp_path):
-    """Give way to a force as our kernel does."""
+    """Expect the same deflection under a force as from our kernel."""
     blueprint = beam(damping_ratio=0.3) if kind == 'beam' else grown(kind)
     scene = scene_of(tree=blueprint)
     tip = int(np.argmax(blueprint.poses[:, 2]))

@@ -34,7 +34,7 @@ def client():
 
 
 def joints_of(body: int, client: int) -> dict[str, int]:
-    """Give the joint index of each link by its name."""
+    """Return the joint index of each link by its name."""
     count = pybullet.getNumJoints(body, physicsClientId=client)
     infos = [pybullet.getJointInfo(body, i, physicsClientId=client) for i in range(count)]
     return {info[12].decode(): info[0] for info in infos}

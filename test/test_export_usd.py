@@ -49,14 +49,14 @@ def errors_in(stage: Usd.Stage) -> list[str]:
 
 
 def pose_of(prim: Usd.Prim) -> np.ndarray:
-    """Give a prim's pose in the world, (7,)."""
+    """Return a prim's pose in the world, (7,)."""
     matrix = UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())
     turn = matrix.ExtractRotationQuat()
     return np.array([*matrix.ExtractTranslation(), *turn.GetImaginary(), turn.GetReal()])
 
 
 def seat(joint: UsdPhysics.Joint, number: int) -> np.ndarray:
-    """Give a joint's frame in one of its bodies, (7,)."""
+    """Return a joint's frame in one of its bodies, (7,)."""
     turn = getattr(joint, f'GetLocalRot{number}Attr')().Get()
     return np.array([*getattr(joint, f'GetLocalPos{number}Attr')().Get(), *turn.GetImaginary(),
                      turn.GetReal()])

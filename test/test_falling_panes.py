@@ -70,7 +70,7 @@ def is_whole(simulation):
 
 
 def mass_and_momentum(simulation):
-    """Give the mass of all that is there, and its momentum, (4,)."""
+    """Compute mass and momentum of all existing parts, (4,)."""
     there = np.isfinite(simulation.poses[:, 0])
     mass = simulation.blueprint.mass[there]
     return np.concatenate([[mass.sum()], mass @ simulation.velocities[there, :3]])

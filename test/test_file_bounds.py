@@ -37,7 +37,7 @@ WALL = (shared_folder() / 'grammars/garden_wall.wall').read_text('utf-8')
 
 @pytest.fixture
 def places(tmp_path):
-    """Give a folder that is allowed, one that is not, and bounds that say so."""
+    """Make a folder that is allowed, one that is not, and their bounds."""
     inside, outside = tmp_path / 'inside', tmp_path / 'outside'
     for folder in (inside, outside):
         folder.mkdir()

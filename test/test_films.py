@@ -45,7 +45,7 @@ _POLE = 'name: pole\ntextures: bark_oak\naxiom: Width(0.2) F(1) F(1)\n'
 
 @pytest.fixture(scope='module')
 def scene(tmp_path_factory):
-    """Give the file of a scene with two poles and a camera of its own."""
+    """Write the file of a scene with two poles and a camera of its own."""
     folder = tmp_path_factory.mktemp('scene')
     (folder / 'pole.lsys').write_text(_POLE, encoding='utf-8')
     path = folder / 'poles.yaml'

@@ -106,13 +106,13 @@ class _Stand:
 
 @pytest.fixture(scope='module')
 def stand() -> _Stand:
-    """Give the stand after gale and calm; nobody changes it."""
+    """Return the stand after gale and calm; tests do not change it."""
     return _Stand()
 
 
 def _damping(speed: np.ndarray, sway: np.ndarray) -> np.ndarray:
     """
-    Give the damping ratio with which the fastest segment of trees calms down, (K,).
+    Compute the damping ratio of the fastest segment of trees as it calms down, (K,).
 
     The speed falls by the decay rate from its peak over one window of 5 s to that over another,
     30 s later; the sway of the tree's centre of mass counts the cycles between them.
@@ -242,7 +242,7 @@ def _path(tree: Blueprint) -> np.ndarray:
 
 def _softness_of_wood(tree: Blueprint, path: np.ndarray, modulus: np.ndarray) -> float:
     """
-    Give how far the middle of the last segment gives way along x to a force of one [m/N].
+    Compute the compliance of the middle of the last segment along x [m/N].
 
     The integral of M²/(E·I) over the tapered stem (Castigliano), without joints and lumps.
     """

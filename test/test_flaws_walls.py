@@ -114,7 +114,7 @@ class _Fall:
                 self.gap = max(self.gap, np.nanmax(gaps))
 
     def _weigh(self) -> tuple[float, float]:
-        """Give what the bonds to the ground push up with, and the weight of what they carry."""
+        """Compute the upward force of the bonds to the ground, and the weight that they carry."""
         simulation = self.simulation
         solver, stands = simulation.state.solver, simulation.state.standing
         feet = solver.graph.grounded()
@@ -137,7 +137,7 @@ class _Fall:
 
 @pytest.fixture(scope='module')
 def fall() -> _Fall:
-    """Give the office after its fall; nobody changes it but the last test of a kind."""
+    """Return the office after its fall; only the last test of a kind changes it."""
     return _Fall()
 
 

@@ -49,7 +49,7 @@ def build(footprint, facades, extra, height=2.4):
 
 
 def joist_lines(house, kind):
-    """Give the axis along which joists run, and the places of their middle lines across [m]."""
+    """Find the axis along which joists run, and their middle lines across [m]."""
     across = np.ptp(house.poses[kind == 'joist', :2], axis=0)
     lines = [np.unique(house.poses[kind == 'joist', axis].round(4)) for axis in (0, 1)]
     spaced = [len(found) > 1 and np.diff(found).max() < _PACED for found in lines]

@@ -50,7 +50,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 
 def some_leaves(count=400, size=0.1):
-    """Give leaves that point every way, all on one part."""
+    """Make leaves that point every way, all on one part."""
     rng = np.random.default_rng(3)
     turn = rng.standard_normal((count, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
@@ -59,13 +59,13 @@ def some_leaves(count=400, size=0.1):
 
 
 def in_wind(flutter, leaves, speed, time):
-    """Give the poses of leaves in a level wind."""
+    """Compute the poses of leaves in a level wind."""
     carrier = np.zeros(len(leaves), np.intp)
     return flutter.poses(carrier, FRAME, np.array([[speed, 0.0, 0.0]]), time)
 
 
 def swing(speed):
-    """Give how far leaves of 10 cm swing at a wind speed, as a standard deviation [rad]."""
+    """Compute the swing of leaves of 10 cm at a wind speed, as a standard deviation [rad]."""
     leaves = some_leaves()
     flutter = Flutter(leaves, 1)
     turns = np.array([in_wind(flutter, leaves, speed, 0.037 * i)[:, 3:] for i in range(120)])
@@ -73,7 +73,7 @@ def swing(speed):
 
 
 def simulate(speed, seed=0, **groups):
-    """Give a simulation of one small tree in a steady level wind."""
+    """Make a simulation of one small tree in a steady level wind."""
     settings = read_settings(groups)
     wind = WindSettings((speed, 0.0, 0.0), turbulence_intensity=0.0, profile='uniform')
     scene = Scene(Settings(wind=wind, leaves=settings.leaves))
@@ -82,7 +82,7 @@ def simulate(speed, seed=0, **groups):
 
 
 def test_leaves_rest_exactly_in_still_air():
-    """Give the rest pose bit for bit when no air moves past."""
+    """Expect the rest pose bit for bit in still air."""
     leaves = some_leaves()
     assert np.array_equal(in_wind(Flutter(leaves, 1), leaves, 0.0, 12.3), leaves.pose)
     simulation = simulate(0.0)
@@ -160,7 +160,7 @@ def test_the_same_seed_gives_the_same_flutter_whatever_was_asked_before():
 
 
 def test_the_wind_counts_in_the_frame_of_the_branch():
-    """Give the same world poses whether the leaf or its part is turned."""
+    """Expect the same world poses whether the leaf or its part is turned."""
     leaves = some_leaves(50)
     turn = np.array([0.5, 0.5, -0.5, 0.5])
     plain, frame = (np.array([[0, 0, 0, *q]], float) for q in ([0, 0, 0, 1], turn))
@@ -224,7 +224,7 @@ def test_a_bare_tree_feels_less_wind():
 
 
 def test_a_forest_without_leaves_moves_as_if_it_never_had_any():
-    """Give the poses of a tree whose leaf area is zero, bit for bit, once all leaves are gone."""
+    """Expect the poses of a tree of no leaf area, bit for bit, once all leaves are gone."""
     tree = LSystem.parse(TREE).build()
     stripped, bare = Forest(tree), Forest(replace(tree, leaf_area=np.zeros(len(tree))))
     stripped.keep_leaves(np.arange(len(stripped)), np.zeros(len(stripped)))

@@ -54,7 +54,7 @@ print(held, resident() - before)
 @pytest.mark.skipif(not hasattr(ctypes.CDLL(None), 'malloc_trim'),
                     reason='not the C library of GNU')
 def test_what_another_thread_has_freed_goes_back_to_the_system():
-    """Give most of it back, although pieces in between are still used."""
+    """Return most of it, although pieces in between are still used."""
     done = subprocess.run([sys.executable, '-c', IN_PIECES], cwd=ROOT, check=True,
                           capture_output=True, text=True)
     held, left = map(float, done.stdout.split())

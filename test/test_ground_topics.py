@@ -45,7 +45,7 @@ SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': SAPLING}
 
 @pytest.fixture(scope='module')
 def simulation():
-    """Give a tree on a hill."""
+    """Make a simulation of a tree on a hill."""
     return Simulation(Scene.from_parameters(SCENE))
 
 
@@ -118,7 +118,7 @@ def test_a_recording_shows_the_ground_from_any_moment_on(tmp_path, simulation):
 
 
 def test_a_node_tells_late_joiners_of_its_ground(tmp_path, simulation):
-    """Give marker and description to who comes late, and the page the simulated surface."""
+    """Send marker and description to late joiners, and the simulated surface to the page."""
     process = NodeProcess(tmp_path, SCENE)
     rclpy.init()
     try:

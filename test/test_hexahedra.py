@@ -39,7 +39,7 @@ DENSITY = 2000.0  # [kg/m³]
 
 
 def trapezoid(bottom=0.3, top=0.2, height=0.2, width=0.15):
-    """Give the corners of a stone that narrows upwards, its base on the ground, (1, 8, 3)."""
+    """Return the corners of a stone that narrows upwards, its base on the ground, (1, 8, 3)."""
     unit = box_corners(np.array([[-0.5, -0.5, 0.0]]), np.array([[0.5, 0.5, 1.0]]))
     length = np.where(unit[..., 2] > 0.0, top, bottom)
     return np.stack([unit[..., 0] * length, unit[..., 1] * width, unit[..., 2] * height], axis=-1)
@@ -197,7 +197,7 @@ def test_blueprints_with_stones_are_chained():
 
 
 def arch():
-    """Give a ring of twelve stones."""
+    """Make a ring of twelve stones."""
     return stones(voussoirs(12, 0.15))
 
 

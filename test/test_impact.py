@@ -46,7 +46,7 @@ def test_contact_lasts_as_long_as_that_of_hertz(mass):
 
 
 def test_contact_times_of_a_brick_and_of_a_wrecking_ball():
-    """Give 2 ms for a brick and 18 for two tonnes: eight times as long for a thousand times m."""
+    """Expect 2 ms for a brick and 18 for two tonnes: eight times as long for 1000 times m."""
     np.testing.assert_allclose(contact_time(np.array([3.0, 2000.0])), [2e-3, 17.6e-3], rtol=0.02)
     assert contact_time(1000.0) == pytest.approx(10.0 * contact_time(1.0))
     assert contact_time(np.inf) == np.inf
@@ -114,7 +114,7 @@ def test_no_blow_hangs_on_the_time_step(mass):
 
 
 def stopped(bodies, pairs):
-    """Give the energy that is told of the blows on all bodies but the last, see `measured`."""
+    """Return the energy of the blows on all bodies but the last, see `measured`."""
     blows = measured(bodies, pairs)
     rows = [(body, c, side) for body in range(len(bodies) - 1) for c, pair in enumerate(pairs)
             for side in (0, 1) if pair[side] == body]

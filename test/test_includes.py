@@ -69,7 +69,7 @@ def test_errors_of_an_included_tree_name_its_file(tmp_path):
 
 @pytest.fixture
 def folder(tmp_path):
-    """Give a folder with three walls that include each other."""
+    """Make a folder with three walls that include each other."""
     for name, text in (('b', _WALL), ('bricks', _BRICKS), ('stones', _STONES)):
         (tmp_path / f'{name}.wall').write_text(text)
     return tmp_path

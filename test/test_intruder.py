@@ -233,7 +233,7 @@ def test_reset_takes_it_away():
 
 
 def test_depths_of_boxes_and_balls():
-    """Give the overlap of shifted boxes and of a ball over a face and an edge."""
+    """Compute the overlap of shifted boxes and of a ball over a face and an edge."""
     box = np.array([[0.0, 0.0, 0.0, *_TURN]])
     size = np.ones((1, 3))
     pose = np.array([0.9, 0.2, 0.0, *_TURN])

@@ -45,7 +45,7 @@ def test_huge_rotations_are_refused_without_a_warning():
 
 
 def cube(low=(-0.5, -0.5, -0.5), high=(0.5, 0.5, 0.5)):
-    """Give the twelve triangles of a box, outwards."""
+    """Return the twelve triangles of a box, outwards."""
     low, high = np.array(low), np.array(high)
     faces = []
     for axis in range(3):

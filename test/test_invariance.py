@@ -57,7 +57,7 @@ class Placed:
                      'turbulence_intensity': 0.0}}))
 
     def back(self, simulation: Simulation, count: int) -> np.ndarray:
-        """Give positions of the first parts where they would be without all that."""
+        """Return the positions of the first parts in the original frame."""
         return (simulation.poses[:count, :3] - [self.x, self.y, 0.0]) @ self.turn
 
 

@@ -55,7 +55,7 @@ def run(world, seconds, time_step, read):
 
 
 def energy(world, ids):
-    """Give the mechanical energy of bodies [J]."""
+    """Compute the mechanical energy of bodies [J]."""
     table = world.bodies
     motion = motion_energy(table.mass[ids], table.inertia[ids], table.poses[ids][:, 3:],
                            table.velocities[ids])
@@ -63,7 +63,7 @@ def energy(world, ids):
 
 
 def momenta(world, ids):
-    """Give momentum and angular momentum about the origin, (6,)."""
+    """Compute momentum and angular momentum about the origin, (6,)."""
     table = world.bodies
     speed, turn = table.velocities[ids, :3], table.velocities[ids, 3:]
     attitude = table.poses[ids, 3:]
@@ -103,7 +103,7 @@ def chain(world, count, end_mass, kind=JointKind.BALL, start=(0.0, 0.0, 10.0)):
 
 
 def gaps(world):
-    """Give how far the two points of every joint are from each other [m], (J,)."""
+    """Compute the distance between the two points of every joint [m], (J,)."""
     rows, poses = world.joints, world.bodies.poses
     points = [rotation.compose(poses[body], frame)[:, :3] for body, frame in (
         (rows.first, rows.frame), (rows.second, rows.other_frame))]
@@ -511,7 +511,7 @@ def test_a_blow_breaks_a_joint_and_keeps_what_it_could_not_carry(time_step):
 
 
 def test_forces_are_read_without_a_copy():
-    """Give the columns themselves."""
+    """Return the columns themselves."""
     world, _ = pendulum(JointKind.BALL, 0.3)
     rows = world.joints
     world.step(1.0 / 60.0)

@@ -135,7 +135,7 @@ def small(tmp_path: Path) -> SmallPackage:
 
 @pytest.fixture(scope='module')
 def first(tmp_path_factory) -> tuple[SmallPackage, Path]:
-    """Give a package that has run once, and the folder of its `site` and `cache`."""
+    """Make a package that has run once; return it and the folder of its `site` and `cache`."""
     folder = tmp_path_factory.mktemp('first')
     package = SmallPackage(folder / 'site', folder / 'cache')
     package.install(2.0)

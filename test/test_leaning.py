@@ -90,7 +90,7 @@ def test_a_pole_bends_as_an_elastica_under_a_load_at_its_tip(load: float):
 
 
 def _elastica(load: float) -> float:
-    """Give the deflection over length of a cantilever (Bisshopp and Drucker 1945)."""
+    """Compute the deflection over length of a cantilever (Bisshopp and Drucker 1945)."""
     def angle(k: float) -> float:
         return float(np.arcsin(1.0 / (np.sqrt(2.0) * k)))
 

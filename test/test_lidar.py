@@ -115,7 +115,7 @@ def every_ray_with_every_part(pattern, sensor, shapes, poses, sizes):
 
 
 def gap(shape, size, points):
-    """Give the distance of points from the surface of a part in its own frame."""
+    """Compute the distance of points from the surface of a part in its own frame."""
     if shape == Shape.BOX:
         return np.linalg.norm(np.maximum(np.abs(points) - 0.5 * size, 0.0), axis=1)
     straight = max(0.5 * (size[2] - size[0]), 0.0)

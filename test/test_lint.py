@@ -44,7 +44,7 @@ runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)
 
 @pytest.fixture
 def lint_files(pytestconfig):
-    """Give a function that lets a linter look at all files that it has not found clean before."""
+    """Return a function that runs a linter on all files that it has not found clean before."""
     kept = getattr(pytestconfig, 'cache', None)  # without, all files are looked at
 
     def lint(module: str, *arguments: str) -> None:

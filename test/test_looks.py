@@ -92,7 +92,7 @@ axiom: Width(0.3) {f'F(0.5) {whorl} ' * 6}
 
 
 def _plan(turns: tuple[int, ...], edge: float) -> np.ndarray:
-    """Give the corners of a footprint by the angles it turns by [degrees], (n, 2)."""
+    """Compute the corners of a footprint by the angles it turns by [degrees], (n, 2)."""
     heading = np.radians(np.cumsum([0, *turns[:-1]]))
     ways = edge * np.column_stack([np.cos(heading), np.sin(heading)])
     return np.concatenate([np.zeros((1, 2)), np.cumsum(ways, axis=0)[:-1]])

@@ -41,7 +41,7 @@ def run(world, seconds):
 
 
 def moved(world, ids, seconds):
-    """Give how far the centre of any body goes [m]."""
+    """Run a world and compute the largest displacement of the centre of any body [m]."""
     start = world.poses(ids)[:, :3].copy()
     run(world, seconds)
     return np.linalg.norm(world.poses(ids)[:, :3] - start, axis=1).max()
@@ -66,7 +66,7 @@ def test_corbels_stand_up_to_their_limit(engine, count):
 
 
 def voussoir(low, high, inner, outer, width):
-    """Give corners in its own frame (24,), size, centre (2,), area and lean of a voussoir."""
+    """Compute corners in its own frame (24,), size, centre (2,), area and lean of a voussoir."""
     points = np.array([[radius * np.cos(angle), radius * np.sin(angle)]
                        for angle, radius in ((high, inner), (low, inner), (high, outer),
                                              (low, outer))])

@@ -163,7 +163,7 @@ _CHANCE = """
 
 
 def test_seed():
-    """Give the same string for the same seed, and others for others."""
+    """Derive the same string for the same seed, and others for others."""
     system = LSystem.parse(_CHANCE)
     first = str(system.derive(60, seed=1))
     assert first == str(system.derive(60, seed=1)) and 'D' not in first

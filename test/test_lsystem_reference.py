@@ -30,7 +30,7 @@ _TEXT = (Path(__file__).resolve().parents[1] / 'docs' / 'lsystem.md').read_text(
 
 
 def _rows(heading: str) -> list[list[str]]:
-    """Give the cells of the table under a heading; names lose their backquotes."""
+    """Return the cells of the table under a heading; names lose their backquotes."""
     section = re.split(r'^#+ ', _TEXT.split(f'# {heading}\n', 1)[1], flags=re.MULTILINE)[0]
     rows = [[cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]]
             for line in section.splitlines() if line.startswith('| `')]
@@ -57,7 +57,7 @@ def test_symbols():
 
 
 def test_physics():
-    """Give default, range and unit of every attribute."""
+    """Check the documented default, range and unit of every attribute."""
     rows = {_names(row[0])[0]: row[1:5] for row in _rows('Physics')}
     assert list(rows) == [a.name for a in ATTRIBUTES if a.name != 'Leaf']
     for attribute in ATTRIBUTES[:-1]:

@@ -53,19 +53,19 @@ def build(layout='running', footprint='(0, 0) (4.49, 0)', rules='rule start -> w
 
 
 def kinds(blueprint):
-    """Give the kind of every part by name."""
+    """Return the kind of every part by name."""
     return np.array(blueprint.kinds)[blueprint.kind]
 
 
 def extents(blueprint):
-    """Give the low and high corners of the parts in the building's axes [m]."""
+    """Return the low and high corners of the parts in the building's axes [m]."""
     turned = np.abs(rotation.to_matrix(blueprint.poses[:, 3:]))
     half = (turned @ (0.5 * blueprint.size[:, :, None]))[:, :, 0]
     return blueprint.poses[:, :3] - half, blueprint.poses[:, :3] + half
 
 
 def perpends(blueprint, course):
-    """Give the left ends of the outer bricks of a course [m]."""
+    """Return the left ends of the outer bricks of a course [m]."""
     low, high = extents(blueprint)
     rows = np.abs(high[:, 2] - (course + 1) * _GAUGE) < 1e-6
     rows &= low[:, 1] < 1e-6
@@ -73,7 +73,7 @@ def perpends(blueprint, course):
 
 
 def off_lattice(x, pitch):
-    """Give the distance to the nearest multiple of the pitch."""
+    """Compute the distance to the nearest multiple of the pitch."""
     return x - np.round(x / pitch) * pitch
 
 
@@ -160,7 +160,7 @@ def test_ground_bonds_carry_the_first_course():
 
 
 def test_stiffness_is_two_half_units_and_a_joint_in_series():
-    """Give a bed joint 1/(h/E + t/E_mortar), and 0.4 of it in shear."""
+    """Expect 1/(h/E + t/E_mortar) for a bed joint, and 0.4 of it in shear."""
     blueprint = build()
     up = np.abs(rotation.rotate(blueprint.bond_frame[:, 3:], np.array([0.0, 0.0, 1.0]))[:, 2]) > .5
     bed = up & (blueprint.bonds[:, 0] != GROUND)

@@ -57,7 +57,7 @@ class FlatArch(Drawn):
         self.ends = np.stack([low, high], axis=1)
 
     def lines(self, ratio):
-        """Give the ends of the joints."""
+        """Return the ends of the joints."""
         return self.ends
 
 
@@ -118,7 +118,7 @@ class Pushed:
         return stands(laid(plan, mortar), force)
 
     def most(self, mortar=(0.0, 0.0)):
-        """Give the share that it holds, to 1 % of its weight."""
+        """Find the share of its weight that it holds, to 1 %."""
         low, high = 0.0, 3.0
         for _ in range(8):
             low, high = (0.5 * (low + high), high) if self.holds(0.5 * (low + high), mortar) else (

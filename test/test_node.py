@@ -46,7 +46,7 @@ def process(tmp_path_factory):
 
 @pytest.fixture
 def client():
-    """Give a client to a node that runs from time 0, in still air."""
+    """Make a client to a node that runs from time 0, in still air."""
     client = Client()
     assert client.switch('set_pause', False).success
     assert client.set_parameter('wind.velocity', [0.0, 0.0, 0.0]).successful

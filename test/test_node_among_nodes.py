@@ -67,7 +67,7 @@ def end(node):
 
 @pytest.fixture(scope='module')
 def client(tmp_path_factory):
-    """Give a client that serves a node of this process, too."""
+    """Make a client that serves a node of this process, too."""
     rclpy.init()
     client = Client()
     node = made(**{'files.root': [str(tmp_path_factory.getbasetemp())]})
@@ -116,7 +116,7 @@ def test_a_restored_state_brings_its_broken_bonds_along(client, tmp_path):
 
 
 def test_the_parameter_says_what_blows(client):
-    """Give in wind.velocity what came on the topic, and what a reset went back to."""
+    """Set wind.velocity to the value from the topic, and to that after a reset."""
     wind = Vector3Stamped()
     wind.vector.y = 7.0
     client.send_until(lambda: client.get_parameter('wind.velocity')[1] == 7.0, 'the parameter',

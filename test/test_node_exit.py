@@ -34,7 +34,7 @@ from procphys_ros.ros.starting import overruled
 
 @pytest.fixture
 def start(tmp_path):
-    """Give a function that starts nodes and see to it that they end."""
+    """Return a function that starts nodes, and kill them at the end."""
     started = []
 
     def run(parameters: dict | None, *arguments: str) -> NodeProcess:
@@ -47,7 +47,7 @@ def start(tmp_path):
 
 
 def with_(**changes) -> dict:
-    """Give the scene with some top-level keys replaced."""
+    """Return the scene with some top-level keys replaced."""
     return {**SCENE, **changes}
 
 
@@ -95,7 +95,7 @@ def test_node_ends_while_it_is_still_starting(start, library, how):
 
 @pytest.fixture
 def client():
-    """Give a client."""
+    """Make a client."""
     rclpy.init()
     made = Client()
     yield made

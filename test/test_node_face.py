@@ -87,7 +87,7 @@ OF_EVERY_NODE = ('/rosout', '/parameter_events')
 
 @pytest.fixture(scope='module')
 def client(tmp_path_factory):
-    """Give a client of a node that runs for all tests of this file."""
+    """Make a client of a node that runs for all tests of this file."""
     rclpy.init()
     made = Client()
     node = NodeProcess(tmp_path_factory.mktemp('node'), SCENE)
@@ -224,7 +224,7 @@ def test_every_parameter_is_listed_in_the_docstring():
 
 
 def test_parameters_describe_themselves_to_clients(client):
-    """Give descriptions, ranges and read-only marks of the table over the parameter services."""
+    """Send descriptions, ranges and read-only marks of the table by the parameter services."""
     rows = {**{row.name: row for row in GLOBAL},
             **{f'sapling.{row.name}': row for row in OBJECT}}
     answer = client.call(DescribeParameters, '/sim/describe_parameters',

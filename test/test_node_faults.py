@@ -38,7 +38,7 @@ PARAMETERS = {'scene.objects': ['sapling', 'post'], 'sapling.grammar_text': SAPL
 
 @pytest.fixture(scope='module')
 def client():
-    """Give a client that serves a node of this process, too."""
+    """Make a client that serves a node of this process, too."""
     rclpy.init()
     made = Client()
     node = SimNode(parameter_overrides=[Parameter(name, value=value)

@@ -58,7 +58,7 @@ def test_who_leaves_and_who_joins_has_lost_nothing():
 
 @pytest.fixture(scope='module')
 def client():
-    """Give a client."""
+    """Make a client."""
     rclpy.init()
     made = Client()
     yield made

@@ -58,7 +58,7 @@ KEPT = ('service_deadline', 'publish_rate', 'marker_rate', 'real_time_factor', '
 
 @pytest.fixture(scope='module')
 def client():
-    """Give a client that serves a node of this process, too."""
+    """Make a client that serves a node of this process, too."""
     rclpy.init()
     client = Client()
     client.sim = SimNode(parameter_overrides=[Parameter(n, value=v)

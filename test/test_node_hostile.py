@@ -41,7 +41,7 @@ def node(tmp_path_factory):
 
 @pytest.fixture(scope='module')
 def client(node):
-    """Give a client of it."""
+    """Make a client of the node."""
     rclpy.init()
     made = Client()
     yield made

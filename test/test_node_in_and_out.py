@@ -41,7 +41,7 @@ PARAMETERS = {'scene.objects': ['sapling'], 'sapling.grammar_text': SAPLING,
 
 @pytest.fixture(scope='module')
 def client(tmp_path_factory):
-    """Give a client that serves a node of this process, too."""
+    """Make a client that serves a node of this process, too."""
     rclpy.init()
     made = Client()
     values = {**PARAMETERS, 'files.root': [str(tmp_path_factory.getbasetemp())]}

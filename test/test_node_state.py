@@ -31,7 +31,7 @@ PARAMETERS = {'scene.objects': ['sapling'], 'sapling.grammar_text': SAPLING,
 
 @pytest.fixture(scope='module')
 def client(tmp_path_factory):
-    """Give a client that serves a node of this process, too; the node is paused."""
+    """Make a client that serves a node of this process, too; the node is paused."""
     rclpy.init()
     made = Client()
     values = {**PARAMETERS, 'files.root': [str(tmp_path_factory.getbasetemp())]}
@@ -74,7 +74,7 @@ def test_a_node_goes_back_to_a_saved_state(client, tmp_path):
 
 
 def test_a_saved_state_is_a_file_like_others_and_may_lie_at_home(client, tmp_path, monkeypatch):
-    """Give it the mode that the umask leaves, and read ~ as other parameters do."""
+    """Write it with the mode that the umask leaves, and read ~ as other parameters do."""
     monkeypatch.setenv('HOME', str(tmp_path))
     use_file(client, '~/state.bin')
     assert client.trigger('save_state').success and client.trigger('restore_state').success

@@ -38,7 +38,7 @@ def process(tmp_path_factory):
 
 @pytest.fixture
 def client():
-    """Give a client to a node that has just been reset."""
+    """Make a client to a node that has just been reset."""
     client = Client()
     assert client.trigger('reset_simulation').success
     yield client

@@ -45,7 +45,7 @@ class Viewer:
 
     @property
     def parts(self) -> set[int]:
-        """Give the ids of the parts that are shown."""
+        """Return the ids of the parts that are shown."""
         return {number for name, number in self.shown if name != 'dust'}
 
     def wait_for_last_whole_set(self) -> None:
@@ -77,7 +77,7 @@ def process(tmp_path_factory):
 
 @pytest.fixture
 def client():
-    """Give a client to a node that runs the first scene from time 0."""
+    """Make a client to a node that runs the first scene from time 0."""
     client = Client()
     for name, value in (('scene.objects', ['sapling', 'wall']),
                         ('sapling.grammar_text', SAPLING), ('wind.velocity', [0.0, 0.0, 0.0])):
@@ -95,7 +95,7 @@ def description(client: Client, fits=lambda scene: True) -> dict:
 
 
 def existing(client: Client) -> set[int]:
-    """Give the parts that have a pose."""
+    """Return the parts that have a pose."""
     poses = client.next_message(PoseArray, '/sim/poses').poses
     return {i for i, pose in enumerate(poses) if np.isfinite(pose.position.x)}
 

@@ -63,7 +63,7 @@ def test_default_is_accepted_by_its_own_row(parameter: Parameter):
 
 
 def test_defaults_are_those_of_scenes_and_wind():
-    """Give a node without parameters what a scene file without settings has."""
+    """Expect a node without parameters to equal a scene file without settings."""
     settings = read_settings(nested(DEFAULTS, []))
     assert settings == Settings()
 

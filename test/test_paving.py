@@ -44,7 +44,7 @@ HILLS = Terrain(np.random.default_rng(2).uniform(0.0, 2.0, (60, 50)), np.array([
 
 @pytest.fixture
 def folder(tmp_path):
-    """Give a folder with a plan and a grammar."""
+    """Make a folder with a plan and a grammar."""
     (tmp_path / 'pole.lsys').write_text(POLE)
     (tmp_path / 'cross.plan').write_text(PLAN)
     return tmp_path
@@ -58,7 +58,7 @@ def paved(folder, terrain, yaw=0.0):
 
 
 def across(paving):
-    """Give the cross products of the sides of all triangles, twice their areas long."""
+    """Compute the cross products of the sides of all triangles, twice their areas long."""
     a, b, c = paving.points[paving.faces].transpose(1, 0, 2)
     return np.cross(b - a, c - a)
 

@@ -90,7 +90,7 @@ def test_what_is_no_expression_is_refused(text, reason):
     ['a' * i + 'b' * j + 'a' * k for i in range(9) for j in range(9) for k in range(9)], k=500)],
     ids=['many', 'alike', 'long', 'mixed'])
 def test_no_expression_holds_anything_up(text, names):
-    """Give an answer or a reason at once, whatever is asked for, whatever objects are called."""
+    """Answer or refuse at once, for all patterns and names of objects."""
     try:
         pattern = Pattern(text)
         for name in names:

@@ -211,7 +211,7 @@ def test_an_unknown_command_is_told(capsys):
 
 
 def answer(name, word):
-    """Give the exit code of a command that is called with one word."""
+    """Return the exit code of a command that is called with one word."""
     try:
         return program.main([name, word])
     except SystemExit as end:

@@ -32,7 +32,7 @@ _ACROSS = np.array([0.0, 1.0, 0.0])
 
 
 def excess(solver, push, parts, direction):
-    """Give how much more is pushed on a set of parts than the bonds around it bear [N]."""
+    """Compute the push on a set of parts in excess of what the bonds around it bear [N]."""
     return push[parts].sum() - resistance_of(solver, parts, direction).force
 
 

@@ -30,7 +30,7 @@ PAGES = sorted([*ROOT.glob('*.md'), *ROOT.glob('docs/**/*.md')])
 
 
 def python_of(page: str) -> str:
-    """Give all blocks of Python of a page, one behind the other."""
+    """Return all blocks of Python of a page, concatenated."""
     text = (ROOT / page).read_text('utf-8')
     return '\n'.join(re.findall(r'```python\n(.*?)```', text, re.DOTALL))
 

@@ -61,7 +61,7 @@ def client(node):
 
 @pytest.fixture(scope='module')
 def start():
-    """Give a function that starts an executable; `limit` is the largest file it may write [B]."""
+    """Return a function that starts an executable; `limit` is the largest file it writes [B]."""
     running: list[subprocess.Popen] = []
 
     def begin(module: str, *words: str, limit: int | None = None) -> subprocess.Popen:
@@ -310,7 +310,7 @@ def test_replay_begins_in_the_middle(client, start, tape):
 
 @pytest.fixture
 def now(monkeypatch):
-    """Give the time of a clock that only naps move [s]."""
+    """Return the time of a clock that only sleeping moves [s]."""
     now = [0.0]
 
     def sleep(duration):

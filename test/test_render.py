@@ -61,7 +61,7 @@ def bush():
 
 @pytest.fixture(scope='module')
 def wall():
-    """Give a low wall of bricks in running bond."""
+    """Build a low wall of bricks in running bond."""
     return load_grammar('garden_wall.wall', 'wall').build(seed=0)
 
 

@@ -36,7 +36,7 @@ def records():
 
 @pytest.fixture
 def law(records):
-    """Give the recorder of one test."""
+    """Make the recorder of one test."""
     return Measured('laws', 'test_fall.py::test_fall',
                     lambda name, value: records.append(json.loads(value)))
 

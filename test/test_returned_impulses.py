@@ -27,7 +27,7 @@ _STEP = 1.0 / 60.0  # [s]
 
 
 def energy(bodies):
-    """Give the energy of motion of all bodies [J]."""
+    """Compute the kinetic energy of all bodies [J]."""
     return motion_energy(bodies.mass[1:], bodies.inertia[1:], bodies.poses[1:, 3:],
                          bodies.velocities[1:]).sum()
 

@@ -100,7 +100,7 @@ def everywhere():
 
 
 def nearest(one, two, rng):
-    """Give the gap of two convex sets of corners along the best of many directions."""
+    """Compute the gap of two convex sets of corners along the best of many directions."""
     ways = everywhere()
     gaps = (ways @ one.T).min(axis=1) - (ways @ two.T).max(axis=1)
     best = ways[np.argmax(gaps)]

@@ -71,7 +71,7 @@ def loads_of_bonds(piece, wrenches, wanted):
 
 
 def _motions(arms, moving):
-    """Give how parts move with a body that they are rigid parts of, (6N, 6)."""
+    """Return the motions of parts with a body that they are rigid parts of, (6N, 6)."""
     out = np.zeros((len(arms), 6, 6))
     out[moving] = np.eye(6)
     x, y, z = arms[moving].T

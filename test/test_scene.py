@@ -30,12 +30,12 @@ POLE = 'axiom: Width(0.1) F(1) F(1)'
 
 
 def parameters(**groups):
-    """Give the parameters of a scene with one object called pole."""
+    """Return the parameters of a scene with one object called pole."""
     return {'scene': {'objects': ['pole']}, 'pole': {'grammar_text': POLE}, **groups}
 
 
 def refused(given):
-    """Give the message that a scene is refused with."""
+    """Return the message with which a scene is refused."""
     with pytest.raises(SceneError) as caught:
         Scene.from_parameters(given)
     return str(caught.value)

@@ -55,7 +55,7 @@ def envelope(scene, seconds, **figures):
 
 @pytest.fixture
 def shipped(caplog):
-    """Give a function that loads a scene as it is shipped, which warns of nothing."""
+    """Return a function that loads a shipped scene and expects no warnings."""
     def load(name):
         scene = Scene.from_yaml(CONFIG / f'{name}.yaml')
         assert not caplog.messages  # nothing in its file is in vain
@@ -79,7 +79,7 @@ def begin_quietly(simulation, step):
 
 
 def rows(simulation, name, kinds=None):
-    """Give the parts of an object, of some kinds."""
+    """Return the parts of an object, of some kinds."""
     source = simulation.blueprint
     found = next(o for o in simulation.objects if o.name == name)
     parts = np.arange(found.first, found.first + found.count)
@@ -94,7 +94,7 @@ def broken_by(*causes):
 
 
 def height_left(*names):
-    """Give the highest point over what it was, in the mean of objects whose names begin so."""
+    """Return the mean highest point over its start, of objects whose names begin so."""
     def figure(simulation):
         found = [rows(simulation, o.name) for o in simulation.objects if o.name.startswith(names)]
         return np.mean([np.nanmax(simulation.poses[parts, 2])
@@ -203,7 +203,7 @@ def test_what_is_thrown_goes_through_the_wall(name, cue, defines):
 
 
 def heap(simulation):
-    """Give the median height of bricks over what it was, and their share near the plan."""
+    """Compute the median height of bricks over its start, and their share near the plan."""
     bricks = rows(simulation, 'block', ['brick'])
     now, before = simulation.poses[bricks, :3], simulation.blueprint.poses[bricks, :3]
     there = np.isfinite(now[:, 0])

@@ -38,7 +38,7 @@ axiom: Width(0.12) Density(800) Modulus(8e9) DampingRatio(0.05) Strength({streng
 
 
 def grow(strength=5e7, count=1):
-    """Give a simulation of a few small trees in still air."""
+    """Make a simulation of a few small trees in still air."""
     scene = Scene()
     blueprint = LSystem.parse(TREE.format(strength=strength)).build()
     for i in range(count):
@@ -75,7 +75,7 @@ def test_time_does_not_run_backwards():
 
 @pytest.fixture(scope='module')
 def with_a_ball():
-    """Give a tree, and a ball that flies past it."""
+    """Make a simulation of a tree, and a ball that flies past it."""
     simulation = grow()
     simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 1.0), (3.0, 0.0, 0.0)))
     return simulation

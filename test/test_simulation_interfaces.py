@@ -52,13 +52,13 @@ from procphys_ros.scene.strikes import Projectile
 
 @pytest.fixture
 def server():
-    """Give a server for one test."""
+    """Make a server for one test."""
     return serve()
 
 
 @pytest.fixture(scope='module')
 def unchanged():
-    """Give a server for all tests that change nothing."""
+    """Make a server for all tests that change nothing."""
     return serve()
 
 
@@ -212,7 +212,7 @@ def test_an_entity_has_a_state_and_a_description(server):
 
 
 def test_what_has_gone_does_not_hide_the_states_of_others(server):
-    """Give the states of what is left when an object has gone altogether, as by a blast."""
+    """Return the states of the other objects when one has gone altogether, as by a blast."""
     server.session.simulation.state.parts.poses[:2] = np.nan
     answer = call(server, 'get_entities_states')
     assert answer.result.result == RESULT.RESULT_OK and answer.entities == ['oak_1']
@@ -328,7 +328,7 @@ def test_several_entities_are_spawned_at_once(unchanged):
 
 
 def test_bounds_hold_all_of_an_entity(unchanged):
-    """Give a box in the frame of the entity that holds the ends of all of its parts."""
+    """Return a box in the frame of the entity that contains the ends of all of its parts."""
     simulation = unchanged.session.simulation
     answer = call(unchanged, 'get_entity_bounds', entity='oak_1')
     assert answer.result.result == RESULT.RESULT_OK and answer.bounds.type == BOUNDS.TYPE_BOX

@@ -213,7 +213,7 @@ def test_nodes_may_have_any_order(seed: int):
 
 
 def test_wood_may_differ_from_node_to_node():
-    """Give every node its wood: a segment has that of its end, the first also the root plate."""
+    """Set the wood of every node: a segment has that of its end, the first the root plate too."""
     given = {**_fork(), 'density': np.array([1.0, 700, 800, 900]), 'root_stiffness': 3e4,
              'modulus': np.array([1.0, 6e9, 7e9, 8e9]), 'strength': [9.0, 3e7, 4e7, 5e7],
              'root_moment': 400.0}

@@ -39,7 +39,7 @@ HEAD = len(archive.seal(b''))  # bytes before the length of the table
 
 
 def taken_apart(data):
-    """Give the table of a snapshot and the bytes behind it."""
+    """Return the table of a snapshot and the bytes behind it."""
     start = HEAD + 8
     end = start + int.from_bytes(data[HEAD:start], 'little')
     return json.loads(data[start:end]), data[end:]

@@ -34,7 +34,7 @@ WOOD = 18e6  # [Pa] tension along the grain in that grammar; nails hold far less
 
 
 def barn():
-    """Give a simulation of a small barn, and which of its bonds are wood that runs on."""
+    """Make a simulation of a small barn; return it and a mask of the bonds within boards."""
     built = WallGrammar.load(BARN).build(seed=0, width=7.0, depth=4.0)
     scene = Scene()
     scene.add(built, (0.0, 0.0, 0.0), 0.0, 'barn')
@@ -44,13 +44,13 @@ def barn():
 
 
 def broken_grain(simulation, grain):
-    """Give the events of bonds that broke across the grain of a board."""
+    """Return the events of bonds that broke across the grain of a board."""
     events = simulation.events
     return events[grain[events['bond']]]
 
 
 def apart(simulation, events):
-    """Give how far the two pieces of each broken board are from where they joined [m], (K,)."""
+    """Compute how far the two pieces of each broken board have moved apart [m], (K,)."""
     source, a, b = simulation.scene.blueprint, events['part_a'], events['part_b']
     rest = source.poses[b, :3] - source.poses[a, :3]
     return np.linalg.norm(simulation.poses[b, :3] - simulation.poses[a, :3] - rest, axis=1)

@@ -58,7 +58,7 @@ def build(points, extra):
 
 
 def angles(points):
-    """Give by how much edges differ from right angles to the first one [degrees]."""
+    """Compute the deviation of edges from right angles to the first one [degrees]."""
     edges = np.roll(points, -1, axis=0) - points
     yaw = np.degrees(np.arctan2(*edges.T[::-1]))
     return (yaw - yaw[0] + 45.0) % 90.0 - 45.0

@@ -34,7 +34,7 @@ class Slow:
 
 
 def push(force: float) -> np.ndarray:
-    """Give one wrench along z."""
+    """Return one wrench along z."""
     return np.array([[0.0, 0.0, force, 0.0, 0.0, 0.0]])
 
 
@@ -111,7 +111,7 @@ def test_cracks_run_for_three_rounds_under_a_blow_however_long_these_take():
 
 
 def test_what_leaves_a_wall_has_passed_its_blow_on():
-    """Give back the impulse of all blows on parts that leave, and leave it to no one else."""
+    """Return the impulse of all blows on parts that leave, and apply it to no other part."""
     solver = Slow()
     loads = StandingLoads(3)
     loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), 10.0,
@@ -127,7 +127,7 @@ def test_what_leaves_a_wall_has_passed_its_blow_on():
 
 
 def test_the_speed_of_what_strikes_is_known_while_its_blow_acts_or_waits():
-    """Give that of the fastest on any of some parts, until all blows are over."""
+    """Return that of the fastest on any of some parts, until all blows are over."""
     solver = Slow()
     loads = StandingLoads(3)
     loads.add_blow(np.array([0, 1]), np.repeat(push(100.0), 2, axis=0), np.array([4.0, 7.0]))

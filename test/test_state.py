@@ -31,7 +31,7 @@ BRICK = [0.215, 0.1025, 0.065]  # [m]
 
 
 def simulate(blueprint, name='wall'):
-    """Give a simulation of one object in still air."""
+    """Make a simulation of one object in still air."""
     scene = Scene()
     scene.add(blueprint, name=name)
     return Simulation(scene)

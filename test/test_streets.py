@@ -49,7 +49,7 @@ trees:
 
 @pytest.fixture
 def folder(tmp_path):
-    """Give a folder with grammars of small buildings and a plan of twenty."""
+    """Make a folder with grammars of small buildings and a plan of twenty."""
     (tmp_path / 'shed.wall').write_text(SHED)
     (tmp_path / 'box.wall').write_text(SHED.replace('shed', 'box').replace('1.2', '0.8'))
     (tmp_path / 'block.plan').write_text(TWENTY)

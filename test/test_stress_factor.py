@@ -104,7 +104,7 @@ def test_few_columns_have_to_do_with_few_unknowns():
 
 
 def test_what_nothing_holds_is_left_out():
-    """Give a finite answer where a piece has come loose, and the right one elsewhere."""
+    """Expect a finite solution where a piece has come loose, and the right one elsewhere."""
     spring = np.eye(6) * 1e9
     free = np.block([[spring, -spring], [-spring, spring]])
     system = bsr_matrix(block_diag([free, 2.0 * np.eye(6)]), blocksize=(6, 6))

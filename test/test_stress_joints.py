@@ -40,7 +40,7 @@ def stands(cracking, limit=6000):
 
 
 def tipping(plan):
-    """Give the pressure at which a wall turns about its foot [Pa], and forces at 1 Pa."""
+    """Compute the pressure at which a wall turns about its foot [Pa], and forces at 1 Pa."""
     face = plan.size[:, 0] * plan.size[:, 2]
     moment = (face * plan.poses[:, 2]).sum()
     force = np.zeros((len(plan), 3))

@@ -39,7 +39,7 @@ def single(force, moment=(0.0, 0.0, 0.0), extent=(0.1025, 0.1025), **strengths):
 
 
 def share_and_cause(*args, **kwargs):
-    """Give utilisation and cause of the one bond."""
+    """Return utilisation and cause of the one bond."""
     share, cause = single(*args, **kwargs).utilisation()
     return share[0], Cause(cause[0])
 
@@ -173,7 +173,7 @@ def test_what_is_overloaded_waits_for_the_worst_but_under_blows():
 
 
 def test_dead_bonds_carry_and_count_nothing():
-    """Give a broken bond no utilisation."""
+    """Expect no utilisation of a broken bond."""
     graph = BondGraph(wall(5, 5))
     wrench = np.full((len(graph), 6), 1e6)
     graph.cut(np.array([3]))

@@ -25,7 +25,7 @@ TIGHT = 1e-4  # [N]
 
 
 def pushed(plan, tolerance=TIGHT):
-    """Give a solver in balance under its weight, and three patterns of load."""
+    """Return a solver in balance under its weight, and three patterns of load."""
     solver = StressSolver(BondGraph(plan), tolerance=tolerance)
     solver.iterate(20_000)
     rng = np.random.default_rng(5)

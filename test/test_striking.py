@@ -37,7 +37,7 @@ GRAVITY = 9.81
 
 
 def stand(*blueprints, **settings):
-    """Give a simulation of blueprints that are already placed, without dust."""
+    """Make a simulation of placed blueprints, without dust."""
     scene = Scene(Settings(**settings))
     for built in blueprints:
         scene.add(built)
@@ -73,7 +73,7 @@ def throw(simulation, mass, speed, height=0.86, shape='sphere', size=0.2, x=1.3,
 
 
 def energy(simulation):
-    """Give the mechanical energy of everything loose [J]."""
+    """Compute the mechanical energy of everything loose [J]."""
     parts = np.flatnonzero(simulation.state.carrier >= 0)
     bodies = np.unique(simulation.state.carrier[parts])
     world = simulation.state.world.bodies
@@ -85,7 +85,7 @@ def energy(simulation):
 
 
 def momentum(simulation):
-    """Give the momentum of everything loose [N·s], (3,)."""
+    """Compute the momentum of everything loose [N·s], (3,)."""
     parts = np.flatnonzero(simulation.state.carrier >= 0)
     bodies = np.unique(simulation.state.carrier[parts])
     world = simulation.state.world.bodies
@@ -93,7 +93,7 @@ def momentum(simulation):
 
 
 def scraped(simulation, contacts):
-    """Give what contacts with the ground and standing parts gave to loose ones [N·s], (3,)."""
+    """Sum the impulses of contacts of loose parts with ground and standing ones [N·s], (3,)."""
     contacts, state = contacts.both_ways(), simulation.state.world.bodies.state
     rows = ((state[contacts.body_b] < BodyState.AWAKE)
             & (state[contacts.body_a] == BodyState.AWAKE))

@@ -34,7 +34,7 @@ ALONG = np.array([0.0, 1.0, 0.0])
 
 
 def stand(built):
-    """Give a simulation without gravity, so that beds are not pressed; no engine moves any yet."""
+    """Make a simulation without gravity, so that beds are not pressed; no engine moves any yet."""
     scene = Scene(Settings(gravity=0.0, engine='native'))
     scene.add(built)
     return Simulation(scene)
@@ -66,7 +66,7 @@ def strike(simulation, mass, speed, place, size, shape='sphere'):
 
 
 def loose(simulation):
-    """Give momentum [N·s] and kinetic energy [J] of all that is loose."""
+    """Compute momentum [N·s] and kinetic energy [J] of everything loose."""
     ids = np.array(list(simulation.state.bodies.members))
     world = simulation.state.world.bodies
     velocity, mass = world.velocities[ids], world.mass[ids]

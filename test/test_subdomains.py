@@ -39,7 +39,7 @@ def chosen(monkeypatch):
 
 
 def struck(built):
-    """Give a wall that stands, under a blow that acts from now on."""
+    """Make a standing wall under a blow that acts from now on."""
     fracture = Fracture(StressSolver(BondGraph(built)), 2.0)
     fracture.advance(20_000)
     push = np.zeros((len(built), 3))

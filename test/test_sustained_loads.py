@@ -97,14 +97,14 @@ def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, b
 
 
 def test_what_is_pressed_breaks_whatever_room_there_is():
-    """Give small pieces under lasting forces a cell for each part, and large ones sixty."""
+    """Break small pieces under lasting forces into a cell per part, and large ones into sixty."""
     blows = [Blow(0, np.arange(n), None, np.inf, np.zeros(0, int)) for n in (1000, 15, 5)]
     assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
     assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
 
 
 def test_lumps_break_whatever_room_there_is():
-    """Give lumps some cells without room for more bodies, and what is huge one for each grain."""
+    """Break lumps into some cells without room for more bodies, huge ones into grains."""
     blows = [Blow(0, np.arange(count), None, 0.0, np.zeros(0, int))
              for count in (1000, 300, 200, 90, 30)]
     assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]

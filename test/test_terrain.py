@@ -283,7 +283,7 @@ def test_lidar_sees_the_hillside():
 
 
 def test_leaves_and_dust_come_down_on_the_slope():
-    """Give the hillside as the floor, beside and below what stands."""
+    """Use the hillside as the floor, beside and below standing boxes."""
     terrain = slope(0.3)
     house = np.array([[2.0, 2.0, 18.0, 4.0, 4.0, 22.0]])
     open_, built = Skyline.over(house[:0], terrain), Skyline.over(house, terrain)
@@ -378,7 +378,7 @@ def test_bad_settings_are_told(tmp_path):
 
 @pytest.fixture(scope='module')
 def hills():
-    """Give a scene of a tree on hills."""
+    """Make a scene of a tree on hills."""
     return scene_on(terrain={'noise': 8.0, 'wavelength': 30.0, 'extent': 40.0, 'seed': 2},
                     oak={'grammar': 'oak.lsys', 'origin': [3.0, 2.0, 0.0]})
 

@@ -41,7 +41,7 @@ _WIDTH = 0.1  # [m] of the beam
 
 
 def _ends(tree: Blueprint, poses: np.ndarray) -> list:
-    """Give look, part and corners in the world of everything that covers an end."""
+    """List look, part and corners in the world of all torn ends."""
     wood = WoodJoints(tree)
     return [(look, part, corners if part == GROUND else placed(poses[part], corners))
             for bond in wood.apart(poses) for look, part, corners in wood.ends(int(bond))
@@ -132,7 +132,7 @@ def test_markers_of_roots_grow():
 
 
 def test_an_end_keeps_its_shape():
-    """Give the same splinters and plate for the same break, others for another."""
+    """Make the same splinters and plate for the same break, others for another."""
     assert np.array_equal(splinters(0.2, 7), splinters(0.2, 7))
     assert not np.array_equal(splinters(0.2, 7), splinters(0.2, 8))
     assert np.array_equal(root_plate(0.2, 7)[0], root_plate(0.2, 7)[0])
@@ -143,7 +143,7 @@ class _Owner:
 
 
 def _markers(data: bytes | None) -> dict[str, int]:
-    """Give the action of every marker of an end, by its namespace."""
+    """Return the action of every marker of an end, by its namespace."""
     rows = find_markers(data) if data else np.zeros((0, 6), int)
     found = {data[row[2]:row[3]].decode(): int(row[5]) for row in rows}
     return {name: action for name, action in found.items() if name in (TORN, SOIL)}
@@ -196,7 +196,7 @@ def test_the_page_gets_the_ends_of_what_breaks():
 
 
 def _told(tree: Blueprint, bond: int, uprooted: bool = False) -> BrokenWood:
-    """Give what a viewer of a running node is told of a broken bond."""
+    """Make the broken wood that a viewer of a running node knows of a broken bond."""
     return BrokenWood(tree.shape, tree.visual_size, tree.bonds[[bond]], np.array([uprooted]))
 
 

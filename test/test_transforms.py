@@ -71,7 +71,7 @@ class Node:
         self.context = SimpleNamespace(ok=lambda: True)
 
     def get_logger(self):
-        """Give what takes warnings."""
+        """Return an object that records warnings."""
         return SimpleNamespace(warning=self.said.append)
 
 

@@ -63,13 +63,13 @@ def _build(name: str, seed: int = 0, **defines: float) -> Blueprint:
 
 
 def _height(tree: Blueprint) -> float:
-    """Give the highest end of a segment [m]."""
+    """Return the highest end of a segment [m]."""
     axis = tree.poses[:, :3] - tree.bond_frame[:, :3]
     return float((tree.poses[:, :3] + axis)[:, 2].max())
 
 
 def _own_weight_stress(tree: Blueprint) -> np.ndarray:
-    """Give the bending stress at every joint from the weight of all that it carries [Pa]."""
+    """Compute the bending stress at every joint from the weight of all that it carries [Pa]."""
     weight = tree.mass * _GRAVITY
     moment_of_place = weight[:, None] * tree.poses[:, :2]
     carried = weight.copy()
@@ -84,7 +84,7 @@ def _own_weight_stress(tree: Blueprint) -> np.ndarray:
 
 
 def _crown_area(tree: Blueprint) -> float:
-    """Give half of depth times breadth of the crown, from where its leaves are [m2]."""
+    """Compute half of depth times breadth of the crown, from the places of its leaves [m2]."""
     leaves = tree.leaves
     petiole = rotation.compose(tree.poses[leaves.part], leaves.pose)
     along = leaves.size[:, None] * rotation.rotate(petiole[:, 3:], np.array([0.0, 0.0, 1.0]))
@@ -93,7 +93,7 @@ def _crown_area(tree: Blueprint) -> float:
 
 
 def _drag(tree: Blueprint, speed: float) -> float:
-    """Give what the foot of a tree too stiff to bend holds against an even wind [N]."""
+    """Compute the reaction at the foot of a tree too stiff to bend in an even wind [N]."""
     stiff = replace(tree.hinges, swing_stiffness=np.full(len(tree), 1e9))
     forest = Forest(replace(tree, hinges=stiff))
     held = 0.0
@@ -184,7 +184,7 @@ def test_wood_carries_its_own_weight(name):
 
 @_TREES
 def test_a_seed_is_an_individual(name):
-    """Give the same tree for the same seed and another one for another."""
+    """Grow the same tree for the same seed and another one for another."""
     first, same, other = _build(name, 4), _build.__wrapped__(name, 4), _build(name, 5)
     assert np.array_equal(first.poses, same.poses)
     assert np.array_equal(first.leaves.pose, same.leaves.pose)

@@ -291,7 +291,7 @@ def test_level_segment_falls_at_its_terminal_speed(measured):
 
 
 def _level() -> np.ndarray:
-    """Give the frame that lays the upright beam along x."""
+    """Return the frame that lays the upright beam along x."""
     return np.concatenate([np.zeros(3), rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]),
                                                                  0.5 * np.pi)])
 

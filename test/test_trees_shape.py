@@ -33,7 +33,7 @@ _BRANCH = 'axiom: Width(0.04) &(90) Density(800) Modulus(8e9) {shape} {segments}
 
 
 def _beam_frequency(taper: float, elements: int = 200) -> float:
-    """Give f1 of a tapered cantilever by Euler-Bernoulli elements [Hz]."""
+    """Compute f1 of a tapered cantilever by Euler-Bernoulli elements [Hz]."""
     length = _HEIGHT / elements
     stiffness, mass = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
     bend = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)

@@ -30,7 +30,7 @@ _STRESS = 0.25 * np.pi * 0.01 * 900 * 9.81 * 4.0 * 2.0 / (np.pi / 32.0 * 0.001) 
 
 
 def simulation(text, *more):
-    """Give a simulation of a tree, and of others beside it."""
+    """Make a simulation of a tree, and of others beside it."""
     scene = Scene()
     for i, tree in enumerate((text, *more)):
         scene.add(LSystem.parse(tree).build(), (20.0 * i, 0.0, 0.0), 0.0, f'tree_{i}')
@@ -38,7 +38,7 @@ def simulation(text, *more):
 
 
 def mass(text):
-    """Give the masses of the segments of a tree [kg]."""
+    """Return the masses of the segments of a tree [kg]."""
     return LSystem.parse(f'axiom: {text}').build().mass
 
 

@@ -30,12 +30,12 @@ def _draw(axiom, more='', **arguments):
 
 
 def _directions(axiom, more=''):
-    """Give the directions of the segments, (S, 3)."""
+    """Return the directions of the segments, (S, 3)."""
     return rotation.rotate(_draw(axiom, more).branches.attitude, [0.0, 0.0, 1.0])
 
 
 def test_paper_example():
-    """Give the densities of the paper's example exactly."""
+    """Expect the densities of the paper's example exactly."""
     branches = _draw('Density(5) DensityRate(0.5) F(10) F(10) F(10)').branches
     assert branches.density.tolist() == [5, 2.5, 1.25] and branches.length.tolist() == [10] * 3
     blueprint = LSystem.parse('axiom: Density(5) DensityRate(0.5) F(10) F(10) F(10)').build()
@@ -124,7 +124,7 @@ def test_physics_with_other_units():
 
 
 def test_defaults():
-    """Give geometry alone the wood of a green birch, which does not break."""
+    """Expect for geometry alone the wood of a green birch, which does not break."""
     branches = _draw('F').branches
     assert branches.density[0] == 900 and branches.modulus[0] == 9.9e9
     assert branches.damping_ratio[0] == 0.05 and np.isinf(branches.break_force[0])
@@ -155,7 +155,7 @@ def test_tropism():
 
 
 def _world_corners(drawing):
-    """Give the triangles of the ornaments in world axes, (T, 3, 3)."""
+    """Return the triangles of the ornaments in world axes, (T, 3, 3)."""
     branches, ornaments = drawing.branches, drawing.ornaments
     middle = branches.base + 0.5 * branches.length[:, None] * rotation.rotate(
         branches.attitude, [0.0, 0.0, 1.0])

@@ -116,7 +116,7 @@ def test_a_check_of_valleys_can_fail():
 
 
 def tiles(blueprint):
-    """Give the volume of all tiles [m³]."""
+    """Sum the volume of all tiles [m³]."""
     tile = blueprint.kind == blueprint.kinds.index('tile')
     return float((blueprint.mass / blueprint.density)[tile].sum())
 

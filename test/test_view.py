@@ -53,7 +53,7 @@ ViewClient = pytest.importorskip('view_client').ViewClient
 
 @pytest.fixture
 def simulation():
-    """Give the scene at rest, for a test of its own."""
+    """Fork the scene at rest for a test of its own."""
     return simulation_at_rest().fork()
 
 
@@ -113,7 +113,7 @@ class Scripted:
 
 @pytest.fixture
 def source(frame):
-    """Give a source that shows the scene at rest."""
+    """Make a source that shows the scene at rest."""
     return Scripted(frame)
 
 
@@ -189,7 +189,7 @@ def test_leaves_are_single_where_they_are_near(simulation):
 
 
 def daylight(frame, drawing, unit):
-    """Give the share of random points in the face of the wall that nothing drawn covers."""
+    """Compute the share of random points in the face of the wall that nothing drawn covers."""
     wall = frame.poses[frame.content.shape == Shape.BOX, :3]
     low, high = wall.min(axis=0), wall.max(axis=0)
     points = np.random.default_rng(1).uniform(low, high, (2000, 3))

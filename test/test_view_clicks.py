@@ -41,13 +41,13 @@ def frame():
 
 
 def used(tool, hit, frame, direction, **strength):
-    """Give the command of a tool."""
+    """Return the command of a tool."""
     return command_of(tool, hit, frame.content, direction, Strength(**strength),
                       Vicinity.of(frame))
 
 
 def middle_of_wall(frame):
-    """Give a brick in the wall."""
+    """Return a brick in the middle of the wall."""
     boxes = np.flatnonzero(frame.content.shape == Shape.BOX)
     return int(boxes[len(boxes) // 2])
 
@@ -75,7 +75,7 @@ def test_a_turned_part_is_met_where_it_is_now(frame):
 
 
 def test_a_ray_down_meets_the_ground_where_nothing_is(frame):
-    """Give the point on the ground, and nothing in the sky."""
+    """Pick the point on the ground, and nothing in the sky."""
     sloping = np.array([1.0, 0.0, -1.0])
     hit = pick(frame, np.array([-30.0, 7.0, 2.0]), sloping)
     assert hit.part == GROUND
@@ -125,7 +125,7 @@ def test_what_is_gone_is_not_met(frame):
 
 
 def test_a_click_on_a_branch_pulls_it_towards_the_eye(frame):
-    """Give the branch the speed of the slider, against the line of sight."""
+    """Set the branch to the speed of the slider, against the line of sight."""
     hit = pick(frame, np.array([0.0, -5.0, 0.5]), NORTH)
     command = used(Tool.PULL, hit, frame, NORTH, push=4.0)
     assert isinstance(command, Impulse)

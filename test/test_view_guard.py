@@ -74,7 +74,7 @@ def asked(page, path, **headers):
 
 
 def path_of(page):
-    """Give the path of the page's address."""
+    """Return the path of the page's address."""
     return '/' + page.address.rpartition('/')[2]
 
 

@@ -54,7 +54,7 @@ SCENE = {'scene': {'objects': ['sapling']}, 'sapling': {'grammar_text': LEAFY, '
 
 @pytest.fixture(scope='module')
 def folder(tmp_path_factory):
-    """Give a folder for parameter files."""
+    """Make a folder for parameter files."""
     return tmp_path_factory.mktemp('node')
 
 
@@ -160,7 +160,7 @@ def test_what_waits_behind_a_refusal_is_carried_out(node, followed):
 
 
 def test_another_scene_is_loaded_into_the_node(node, followed, tmp_path):
-    """Give the node a scene file's parameters; what the file leaves out goes to its default."""
+    """Send the node a scene file's parameters; those that it omits go to their defaults."""
     path = tmp_path / 'post.yaml'
     path.write_text(json.dumps({'/**': {'ros__parameters': {
         'scene': {'objects': ['post']}, 'post': {'grammar_text': SAPLING}}}}), 'utf-8')
@@ -176,7 +176,7 @@ def test_another_scene_is_loaded_into_the_node(node, followed, tmp_path):
 
 
 def test_a_scene_brings_what_its_cues_take(tmp_path):
-    """Give a node the group of the cue "launch", though a reload does not read it."""
+    """Send a node the group of the cue "launch", though a reload does not read it."""
     path, given = tmp_path / 'ball.yaml', {}
     path.write_text(json.dumps({'/**': {'ros__parameters': {
         'scene': {'objects': ['post'], 'cues': ['1.0 launch', '2.0 explode', '3.0 impulse']},

@@ -40,7 +40,7 @@ from procphys_ros.view.player import Player
 
 @pytest.fixture
 def simulation():
-    """Give the scene at rest, for a test of its own."""
+    """Fork the scene at rest for a test of its own."""
     return simulation_at_rest().fork()
 
 
@@ -143,7 +143,7 @@ def test_nothing_is_made_for_nobody(simulation):
 
 
 def test_a_player_remembers_what_broke(simulation):
-    """Give the pairs of parts of all broken bonds, and forget them after a reset."""
+    """Return the pairs of parts of all broken bonds, and discard them after a reset."""
     player = Player(simulation)
     wall = np.flatnonzero(player.frame().content.shape == Shape.BOX)
     place = player.frame().poses[wall[-1], :3]

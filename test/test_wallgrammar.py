@@ -40,7 +40,7 @@ panel gap: none
 
 
 def sizes(shares, length):
-    """Give the sizes of the parts [m]."""
+    """Return the sizes of the parts [m]."""
     return [(end - start) * 1e-6 for start, end, _ in divide(shares, round(length * 1e6))]
 
 
@@ -69,7 +69,7 @@ def relative(fraction):
 
 
 def test_split_shares_what_is_left():
-    """Give three, then one and two thirds of the rest."""
+    """Expect three, then one and two thirds of the rest."""
     assert sizes((absolute(3), floating(1), floating(2)), 9.0) == pytest.approx([3, 2, 4])
 
 

@@ -39,7 +39,7 @@ def build(roof, **defines):
 
 
 def rows_of(blueprint, kind):
-    """Give the parts of a kind."""
+    """Return the parts of a kind."""
     return np.flatnonzero(blueprint.kind == blueprint.kinds.index(kind))
 
 

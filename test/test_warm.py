@@ -83,7 +83,7 @@ def test_no_kernel_is_forgotten():
 
 
 def python_functions() -> Iterator[Any]:
-    """Give all functions and methods of the package that are not compiled."""
+    """Yield all functions and methods of the package that are not compiled."""
     all_kernels()
     for module in [m for name, m in sys.modules.items() if name.startswith('procphys_ros.')]:
         for scope in (module, *filter(inspect.isclass, vars(module).values())):
@@ -91,7 +91,7 @@ def python_functions() -> Iterator[Any]:
 
 
 def loaded(function: Any) -> Iterator[Any]:
-    """Give the globals that a function loads, and what it loads from those that are modules."""
+    """Yield the globals that a function loads, and the attributes of those that are modules."""
     found = None
     for step in dis.get_instructions(function):
         if step.opname == 'LOAD_GLOBAL':

@@ -103,7 +103,7 @@ def test_wakes_lie_downwind_and_behind_the_building():
 
 
 def test_shelter_is_off_unless_asked_for():
-    """Give the same wind to the bit, with turbulence, unless `wind.shelter` is on."""
+    """Expect the same wind to the bit, with turbulence, unless `wind.shelter` is on."""
     points = np.random.default_rng(1).uniform(0.0, 9.0, (200, 3)) + [200.0, 0.0, 0.0]
     plain, off, on = (_wind(stand, shelter=asked, turbulence_intensity=0.2).velocity(points, 3.0)
                       for stand, asked in ((Shelter(), False), (_stand(), False),

@@ -136,7 +136,7 @@ def test_piers_stiffen_a_wall():
 
 
 def closed_form(side, shell, pitch, gauge):
-    """Give the volume of a square spire without joints [m³]: hollow up to where it is solid."""
+    """Compute the volume of a square spire without joints [m³]: hollow up to where it is solid."""
     reach = 0.5 * side
     height = reach * np.tan(np.radians(pitch))
     tops = np.arange(gauge, height - 0.5 * gauge, gauge)
@@ -188,7 +188,7 @@ def inside(points, corners):
 
 
 def polygon(count, reach=2.5):
-    """Give the corners of a polygon of equal sides."""
+    """Format the corners of a regular polygon."""
     return ' '.join(f'({reach * np.cos(a):.6f}, {reach * np.sin(a):.6f})'
                     for a in 0.3 + np.arange(count) * 2.0 * np.pi / count)
 

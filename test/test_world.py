@@ -35,7 +35,7 @@ engines = pytest.mark.parametrize('engine', installed_engines())
 
 
 def random_parts(rng, count):
-    """Give masses, inertias, poses and sizes of scattered boxes."""
+    """Draw masses, inertias, poses and sizes of scattered boxes."""
     sizes = rng.uniform(0.05, 0.3, (count, 3))
     mass = rng.uniform(0.5, 4.0, count)
     quaternions = rng.normal(size=(count, 4))
@@ -45,7 +45,7 @@ def random_parts(rng, count):
 
 
 def momentum(mass, inertia, poses, velocities):
-    """Give linear and angular momentum about the origin, summed over parts."""
+    """Compute linear and angular momentum about the origin, summed over parts."""
     axes = rotation.to_matrix(poses[:, 3:])
     spin = np.einsum('pij,pj,pkj,pk->pi', axes, inertia, axes, velocities[:, 3:])
     linear = mass[:, None] * velocities[:, :3]
@@ -120,7 +120,7 @@ def test_rigid_sum_of_a_cut_box_is_the_box():
 
 
 def test_split_keeps_momentum_and_energy():
-    """Give each half of a spinning fragment the velocity that it has as a part of the whole."""
+    """Expect for each half of a spinning fragment its velocity as a part of the whole."""
     rng = np.random.default_rng(2)
     mass, inertia, poses, _ = random_parts(rng, 40)
     whole = rigid_sum(mass, inertia, poses)

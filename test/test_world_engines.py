@@ -36,7 +36,7 @@ def run(world, steps):
 
 
 def slid(engine, slope):
-    """Give how far a brick slides in 2 s down a slope of this tangent [m]; gravity is turned."""
+    """Measure the slide of a brick in 2 s down a slope of this tangent [m]; gravity is turned."""
     angle = np.arctan(slope)
     with World((G * np.sin(angle), 0.0, -G * np.cos(angle)), engine=engine) as world:
         brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]))
@@ -227,7 +227,7 @@ def test_what_loses_its_support_tells_the_contacts_of_that_step(engine):
 
 
 def test_compounds_have_their_own_inertia(engine):
-    """Give a compound an angular impulse about each principal axis, and let it turn."""
+    """Apply an angular impulse about each principal axis of a compound, and let it turn."""
     size = np.array([[1.0, 0.2, 0.2], [0.2, 0.2, 0.6]])
     mass = np.array([40.0, 20.0])
     total = rigid_sum(mass, box_inertia(mass, size), np.array([at(0, 2, 1), at(0.4, 2, 1.4)]))

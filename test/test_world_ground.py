@@ -39,7 +39,7 @@ def toothed_wall(courses):
 
 
 def lowest_corner(frame, local):
-    """Give the height of the lowest corner of the bricks of a body."""
+    """Compute the height of the lowest corner of the bricks of a body."""
     axes = rotation.to_matrix(frame[3:])
     down = np.abs(axes[2] @ rotation.to_matrix(local[:, 3:]))
     return (frame[2] + local[:, :3] @ axes[2] - 0.5 * down @ BRICK).min()

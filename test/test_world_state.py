@@ -162,7 +162,7 @@ def test_restored_world_is_where_it_was(engine):
 
 
 def test_ids_of_removed_bodies_come_back_in_a_restored_world():
-    """Give new bodies the same ids as the world that was saved would."""
+    """Assign new bodies the same ids as the world that was saved would."""
     with World() as world:
         ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 1 + i)) for i in range(5)]
         world.remove([ids[1], ids[3]])

@@ -65,7 +65,7 @@ class ViewClient:
         self.send('GuiUpdateMessage', uuid=uuid, updates={'value': value})
 
     def wait_for(self, fits: Callable[[dict], Any]) -> dict[str, Any]:
-        """Give the first message that fits, of those that came or that will come."""
+        """Return the first message that fits, of those received or to come."""
         end, seen = monotonic() + PATIENCE, 0
         while True:
             for message in self.messages[seen:]:

@@ -42,7 +42,7 @@ def simulation_at_rest() -> Simulation:
 
 
 def free_port() -> int:
-    """Give a TCP port that nobody listens on."""
+    """Find a TCP port without a listener."""
     with socket.socket() as probe:
         probe.bind(('localhost', 0))
         return probe.getsockname()[1]

@@ -42,12 +42,12 @@ class Figure:
     baseline: float | None = None
 
     def deviations(self) -> list[float]:
-        """Give what each case deviates by, as a share of its tolerance."""
+        """Compute the deviation of each case, as a share of its tolerance."""
         return [(case['got'] - case['expected']) / (case['tolerance'] or math.inf)
                 for case in self.cases if case['kind'] == 'value']
 
     def worst(self) -> dict:
-        """Give the case that comes nearest to its tolerance or bound."""
+        """Return the case nearest to its tolerance or bound."""
         return max(self.cases, key=_closeness)
 
 
