@@ -223,7 +223,7 @@ class Blueprint:
 
     :ivar shape: `Shape` of each part, (N,) uint8.
     :ivar size: collision extents in the part's frame [m], (N, 3); for a capsule the bone.
-    :ivar visual_size: what is drawn [m], (N, 3): for a capsule base diameter, tip diameter and
+    :ivar visual_size: drawn extents [m], (N, 3): for a capsule base diameter, tip diameter and
         full segment length; for a box its extents. Hexahedra are drawn by their corners.
     :ivar density: [kg/m³], (N,).
     :ivar mass: [kg], (N,).

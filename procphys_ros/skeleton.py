@@ -39,7 +39,7 @@ from procphys_ros.linear import norm
 # 2009, New Phytologist 182:565) at about 60 % water.
 LEAF_AREAL_DENSITY = 0.2
 
-_MOST_TAKEN = 0.25  # of a segment's mass, by segments above it; it may give half to the one below
+_MOST_TAKEN = 0.25  # of a segment's mass, for those above it; it may give half to the one below
 
 Values = float | np.ndarray
 """One number for all nodes, or one for each."""
@@ -328,7 +328,7 @@ def _shortest_turn(direction: np.ndarray) -> np.ndarray:
 
 
 def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
-    """Check that values have a physical meaning, naming the first segment at fault."""
+    """Check that values are physical, naming the first segment, leaf or ornament at fault."""
     index = np.arange(len(branches))
     _demand((branches.parent >= GROUND) & (branches.parent < index), 'segment', 'parent',
             branches.parent, 'an earlier segment, or -1 for the ground')

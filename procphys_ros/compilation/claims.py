@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Claims: let one process compile what several need at the same time."""
+"""Claims: locks by which one process compiles the kernels that several need at once."""
 
 from contextlib import suppress
 import os

@@ -34,7 +34,7 @@ from procphys_ros.compilation.sources import source_digest
 
 _VERSIONS_KEPT = 8  # of each module: installations and branches that are used in turn
 _UNUSED = 30 * 86400.0  # [s] after which kernels for another numba, Python or CPU are removed
-# What else changes the code that numba makes.
+# Other settings that change the code that numba makes.
 _SETTINGS = ('OPT', 'LOOP_VECTORIZE', 'SLP_VECTORIZE', 'BOUNDSCHECK', 'DEBUGINFO_DEFAULT',
              'ENABLE_AVX', 'CPU_NAME', 'CPU_FEATURES', 'ENABLE_PROFILING')
 

@@ -74,7 +74,7 @@ class Rule:
     :ivar formals: for each parameter its name, the side it is on (-1 left, 0 predecessor,
         1 right), the place in that pattern, and its number in the module.
     :ivar condition: None = always.
-    :ivar successor: what it writes.
+    :ivar successor: modules that it writes.
     :ivar weight: None = the first that matches wins.
     """
 

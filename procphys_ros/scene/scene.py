@@ -179,7 +179,7 @@ class Scene:
         """
         Place a blueprint; buildings are bonded to the ground where they stand on it.
 
-        :param blueprint: what to place; it is not changed.
+        :param blueprint: to be placed; it is not changed.
         :param position: where its origin goes [m], (3,), world frame; z counts from the ground.
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.

@@ -34,7 +34,7 @@ class Spawn:
     Object to add to a running scene.
 
     :ivar name: of the object; '' = a free one after the grammar.
-    :ivar grammar: file that holds the grammar, or what the object is named after when
+    :ivar grammar: file that holds the grammar, or the stem of the object's name when
         `grammar_text` is given.
     :ivar grammar_text: the grammar itself; '' = that of the file.
     :ivar defines: values that override the grammar's own, as 'name=number'.

@@ -55,7 +55,7 @@ def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
     with a gap, each on its own width.
 
     :param rows: of the plan.
-    :param seed: of grammars, of the values of defines and of what is random in each grammar.
+    :param seed: of the choice of grammars and defines, and of each grammar's random numbers.
     :raises SceneError: when the houses of a row are wider than its street is long.
     """
     counts = {True: 0, False: 0}

@@ -25,7 +25,7 @@ _MOST_REPEATS = 100_000
 _LARGEST = 1e6  # [m], share or weight: more than the longest facade
 
 
-_ROUNDING = 1e-4  # [m] by which parts may be longer than what they fill
+_ROUNDING = 1e-4  # [m] by which parts may exceed the length that they fill
 
 
 @dataclass(frozen=True)
@@ -109,14 +109,14 @@ def divide(shares: 'tuple[Share | Repeated, ...]', length: int) -> list[tuple[in
     """
     Cut a length into parts.
 
-    Absolute and relative parts come first; floating parts share what is left by weight, and are
-    dropped when nothing is left. Parts that stick out are clipped.
+    Absolute and relative parts come first; floating parts share the rest by weight, and are
+    dropped when nothing is left. An excess within rounding is clipped.
 
     :param shares: parts, in order.
     :param length: of the scope [µm].
     :returns: start, end [µm] and content of each part that has a size.
-    :raises GrammarError: when an absolute or relative part lies beyond the end altogether, and
-        for sizes below 0.
+    :raises GrammarError: when the absolute and relative parts do not fit, and for sizes out of
+        range.
     """
     metres = length * 1e-6
     parts = unroll(shares, metres)
