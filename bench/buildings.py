@@ -53,7 +53,7 @@ def office(size, engine):
 
 
 def blow(simulation):
-    """Take the lower half of the ground floor's walls away."""
+    """Remove the lower half of the ground floor's walls."""
     blueprint = simulation.blueprint
     standing = simulation.state.standing
     parts = np.flatnonzero(standing[:len(blueprint)] & (blueprint.poses[:, 2] < BLOWN)
@@ -62,7 +62,7 @@ def blow(simulation):
 
 
 def timed(simulation, steps):
-    """Step; give the wall time of each step [s] and of each stage in it."""
+    """Step; return the wall time of each step [s] and of each stage in it."""
     times, stages = np.empty(steps), []
     for i in range(steps):
         start = time.perf_counter()
@@ -117,7 +117,7 @@ def compare(ours):
 
 
 def warm_up():
-    """Let everything be compiled and loaded once."""
+    """Compile and load everything once."""
     for engine in installed_engines():
         simulation, _ = office(SIZES[0], engine)
         blow(simulation)

@@ -104,7 +104,7 @@ class Trial:
     close: list[Callable[[], None]] = field(default_factory=list)
 
     def nudge(self) -> np.ndarray:
-        """Draw what is added to gravity, over its size, (3,)."""
+        """Draw the perturbation of gravity, over its size, (3,)."""
         return _NUDGE * np.random.default_rng(self.run).normal(size=3) * min(self.run, 1)
 
     def world(self, gravity: tuple[float, float, float] = (0.0, 0.0, -G), **settings) -> World:
@@ -125,7 +125,7 @@ class Trial:
         return simulation
 
     def steps(self, what: World | Simulation, seconds: float) -> Iterator[float]:
-        """Let time pass; give the time after each step [s]."""
+        """Step for some time; yield the time after each step [s]."""
         advance = (partial(what.step, self.time_step) if isinstance(what, World)
                    else what.step)
         for step in range(round(seconds / self.time_step)):
@@ -147,7 +147,7 @@ Run = Generator[float, None, list[Figure]]  # rows yield after each step
 def boxes(world: World, places: np.ndarray, sizes: np.ndarray = BRICK,
           mass: np.ndarray | float = BRICK_MASS, turns: np.ndarray | None = None,
           fixed: tuple[int, ...] = (), friction: float = 0.6) -> np.ndarray:
-    """Add loose boxes, some of them fixed; give their ids."""
+    """Add loose boxes, some of them fixed; return their ids."""
     places = np.asarray(places, float)
     count = len(places)
     turns = np.broadcast_to([0.0, 0.0, 0.0, 1.0] if turns is None else turns, (count, 4))
@@ -317,7 +317,7 @@ def slope(trial: Trial) -> Run:
 
 
 def slide(origin: float, trial: Trial) -> Run:
-    """Let a brick slide at 3 m/s, so far from the origin [m]."""
+    """Slide a brick at 3 m/s, at a distance from the origin [m]."""
     world = trial.world(friction=0.7)
     ids = boxes(world, [(origin, origin, 0.5 * BRICK[2])], friction=0.7)
     world.set_velocities(ids, np.array([[3.0, 0.0, 0.0, 0.0, 0.0, 0.0]]))
@@ -350,7 +350,7 @@ def bounce(trial: Trial) -> Run:
 
 
 def rocking(trial: Trial) -> Run:
-    """Let a tilted block go: time to its first impact, and amplitude after it (Housner 1963)."""
+    """Release a tilted block: time to first impact, and amplitude after it (Housner 1963)."""
     half, tilt, turned = np.array([0.1, 0.5]), 0.1, []
     radius, edge = np.hypot(*half), np.arctan2(*half)
     world = trial.world(friction=0.9)
@@ -375,7 +375,7 @@ def rocking(trial: Trial) -> Run:
 
 
 def roll(trial: Trial) -> Run:
-    """Let a ball roll down a height field that rises by 1 in 5."""
+    """Roll a ball down a height field that rises by 1 in 5."""
     cells, edge, radius, angle = 40, 0.25, 0.25, np.arctan(0.2)
     heights = np.repeat(0.2 * edge * np.arange(cells, 0.0, -1.0)[:, None], cells, axis=1)
     world = trial.world(terrain=Terrain(heights, np.array([0.0, -0.5 * edge * cells]), edge))
@@ -490,7 +490,7 @@ ROWS = {**SMALL, **CHAOTIC}
 
 
 def compare(row: Callable[[Trial], Run], trials: list[Trial]) -> list[list[Figure]]:
-    """Run a row in turns; give the figures of each trial."""
+    """Run a row in turns; return the figures of each trial."""
     found: list[list[Figure]] = [[] for _ in trials]
     going = {n: row(trial) for n, trial in enumerate(trials)}
     while going:

@@ -61,7 +61,7 @@ def look(simulation: Simulation, time: float) -> np.ndarray:
 
 
 def fly(simulation: Simulation, seconds: int) -> list[float]:
-    """Let the observer fly, and give the wall time of each simulated second [s]."""
+    """Fly the observer, and measure the wall time of each simulated second [s]."""
     rate = round(1.0 / simulation.time_step)
     took = []
     for second in range(seconds):

@@ -86,7 +86,7 @@ def main() -> None:
 def draw(speeds: dict[str, np.ndarray], ours: np.ndarray, theirs: np.ndarray,
          path: Path) -> None:
     """
-    Draw what was measured.
+    Draw the measurements.
 
     :param speeds: from `calming`, by species.
     :param ours, theirs: from `standing`.

@@ -122,7 +122,7 @@ class _Flood:
             self._executor.spin_once(timeout_sec=0.01)
 
     def run(self, name: str, rate: int) -> tuple[list[float], int]:
-        """Call the service of a node that is flooded; give how long answers took, and the sent."""
+        """Call the service of a flooded node; return answer times, and how many were sent."""
         self._sender.stdin.write(f'{name} {rate} {_SPAN}\n')
         self._sender.stdin.flush()
         waits: list[float] = []
@@ -137,7 +137,7 @@ class _Flood:
         return waits, int(self._sender.stdout.readline())
 
     def answered(self) -> dict[str, int]:
-        """Tell what the simulation says of its commands after all has been come to."""
+        """Return the simulation's counts of commands after all have been handled."""
         self.spin(_SETTLE)
         return {what: int(self._looks[-1][f'commands {what}'])
                 for what in ('taken', 'rejected', 'waiting')}
@@ -167,7 +167,7 @@ def main() -> None:
 
 
 def _compare(flood: _Flood) -> int:
-    """Flood both nodes in turn; give how many commands and calls went to the simulation."""
+    """Flood both nodes in turn; return how many commands and calls went to the simulation."""
     asked = 0
     for rate in _RATES:
         waits: dict[str, list[float]] = {name: [] for name in flood.nodes}

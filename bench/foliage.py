@@ -77,7 +77,7 @@ def drift_by_numpy(position: np.ndarray, deviation: np.ndarray, fall: np.ndarray
 
 
 def falling_leaves(count: int) -> FallingLeaves:
-    """Let leaves go high up."""
+    """Release leaves high up."""
     falling = FallingLeaves(9.81, 1)
     pose = np.zeros((count, 7))
     pose[:, 2], pose[:, 6] = 1e5, 1.0

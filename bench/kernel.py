@@ -83,7 +83,7 @@ def _mujoco(rival: MuJoCoForest, wind: np.ndarray) -> Callable:
 
 
 def _take_turns(work: dict[str, tuple[Callable, int]]) -> dict[str, float]:
-    """Time steps of all engines in turns; give the median of each [s]."""
+    """Time steps of all engines in turns; return the median of each [s]."""
     samples: dict[str, list[float]] = {name: [] for name in work}
     for turn in range(_ROUNDS + 1):
         for name, (step, repeats) in work.items():

@@ -56,7 +56,7 @@ def forest(trees: int) -> dict:
 
 
 def start(scene: dict, folder: str) -> tuple[subprocess.Popen, str]:
-    """Start the node, and give it with the line that says what it simulates."""
+    """Start the node; return it with the line that describes its scene."""
     path = Path(folder) / 'scene.yaml'  # JSON is YAML
     path.write_text(json.dumps({'/**': {'ros__parameters': scene}}), 'utf-8')
     process = subprocess.Popen(
@@ -76,7 +76,7 @@ def processor_seconds(pid: int) -> float:
 
 
 def measure(trees: int, topics: dict[str, type]) -> None:
-    """Run the node on so many trees, listen to some topics, and print what arrived."""
+    """Run the node on a number of trees, listen to some topics, and print what arrived."""
     node = rclpy.create_node('bench_listener')
     executor = SingleThreadedExecutor()
     executor.add_node(node)

@@ -65,12 +65,12 @@ def depth_between(one: np.ndarray, two: np.ndarray) -> np.ndarray:
 
 def deepest_overlap(world: World, awake: bool = True) -> float:
     """
-    Measure how deep what is loose reaches into anything else or into level ground [m].
+    Measure how deep loose bodies reach into anything else or into level ground [m].
 
-    By the geometry of the shapes alone, whatever contacts the engine knows; what is round counts
-    as nothing.
+    By the geometry of the shapes alone, independent of the engine's contacts; round shapes are
+    ignored.
 
-    :param awake: whether what still moves counts, too.
+    :param awake: whether moving bodies count, too.
     """
     state = world.bodies.state
     counts = (BodyState.FIXED, BodyState.RESTING, *(BodyState.AWAKE, BodyState.KINEMATIC) * awake)

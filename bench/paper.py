@@ -57,7 +57,7 @@ _PAPER_BRICKS = ('just above 15', '< 10', '< 10')
 
 
 def trees(number: int) -> dict:
-    """Describe a mixed stand of so many trees, scattered over squares."""
+    """Describe a mixed stand of a number of trees, scattered over squares."""
     side = _TREE_SPACING * (np.sqrt(number / len(_SPECIES)) + 1.0)
     share = number // len(_SPECIES)
     return {name: {'grammar': f'{name}.lsys', 'count': share, 'layout': 'scatter',
@@ -113,7 +113,7 @@ class Frames:
 
 
 def report(name: str, theirs: str, simulation: Simulation, seconds: int) -> None:
-    """Measure a scene for so many simulated seconds, and print a row of the table."""
+    """Measure a scene for some simulated seconds, and print a row of the table."""
     frames = Frames(simulation)
     taken = np.array([frames.second() for _ in range(seconds)])
     rate = _FRAMES / taken

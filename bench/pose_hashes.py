@@ -85,7 +85,7 @@ def simulate(name: str, seconds: int, threads: int = 0) -> list[dict]:
 
 
 def difference(expected: list[dict], found: list[dict]) -> str:
-    """Say in which second two runs part, and in what; '' = nowhere."""
+    """Describe in which second two runs differ, and in what; '' = nowhere."""
     for second, (before, after) in enumerate(zip(expected, found)):
         differ = [f'{key} {str(before[key])[:_SHOWN]} -> {str(after[key])[:_SHOWN]}'
                   for key in after if before.get(key) != after[key]]

@@ -43,12 +43,12 @@ _MOST = 6000  # parts of a house that is looked at
 
 
 def scene_faults(seed: int) -> Iterator[str]:
-    """Tell what goes wrong in one of the scenes of trees and walls."""
+    """Yield the faults of one of the scenes of trees and walls."""
     return faults(*draw(seed, _TREES, _WALLS))
 
 
 def house_faults(seed: int) -> Iterator[str]:
-    """Tell what is wrong with one of the houses, as it is built and when it is struck."""
+    """Yield the faults of one of the houses, as it is built and when it is struck."""
     sample, wind = draw_house(seed)
     blueprint = build(sample)
     if blueprint is None or len(blueprint) > _MOST:

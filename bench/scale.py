@@ -85,7 +85,7 @@ def culled(number: int) -> Simulation:
 
 
 def bricks(times: int) -> Simulation:
-    """Build so many offices of 15,196 bricks in a row."""
+    """Build a number of offices of 15,196 bricks in a row."""
     return Simulation(Scene.from_parameters({
         'scene': {'objects': ['office']},
         'office': {'grammar': 'office.wall', 'count': times, 'spacing': 60.0}}))

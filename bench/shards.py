@@ -43,7 +43,7 @@ _SPAN = 12.0  # [s] of real time that are
 
 
 def start(count: int, index: int, trees: int, folder: str) -> subprocess.Popen:
-    """Start one of so many nodes with its share of the forest, at full speed."""
+    """Start one of several nodes with its share of the forest, at full speed."""
     scene = {'scene': {'objects': list(_KINDS)}, 'real_time_factor': 0.0,
              'shard': {'index': index, 'count': count},
              'wind': {'velocity': [8.0, 0.0, 0.0], 'turbulence_intensity': 0.2},
@@ -72,7 +72,7 @@ def processor_seconds(processes: list[subprocess.Popen]) -> float:
 
 def measure(count: int, trees: int) -> tuple[float, float]:
     """
-    Run so many nodes.
+    Run a number of nodes.
 
     :returns: simulated seconds times the trees they were simulated for, all shares, per second of
         real time, and per second of processor time.

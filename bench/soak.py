@@ -155,7 +155,7 @@ class Operator:
         return self._simulation.demolish(Demolition())
 
     def pause(self):
-        """Let time stand still, or go on."""
+        """Pause or resume."""
         self.paused = not self.paused
         return self.paused
 
@@ -171,7 +171,7 @@ class Operator:
         return len(poses)
 
     def bad(self):
-        """Say something that must be refused."""
+        """Send a command that must be refused."""
         sayings = (
             lambda s: s.apply_impulse('nobody/3', (1, 0, 0)),
             lambda s: s.apply_impulse(10 ** 7, (1, 0, 0)),
@@ -195,10 +195,10 @@ class Operator:
 
 def faults(simulation: Simulation) -> tuple[list[str], list[float]]:
     """
-    Say what is wrong with the state of a simulation.
+    Check the state of a simulation.
 
-    :returns: what is wrong, nothing when all is well; how deep in the ground the deepest part at
-        rest and the deepest that moves are [m].
+    :returns: its faults; depth in the ground of the deepest part at rest and of the deepest that
+        moves [m].
     """
     poses, found = simulation.poses, []
     there = np.isfinite(poses[:, 0])

@@ -56,7 +56,7 @@ _FASTEST, _RISE = 60.0, 0.5  # [m/s], [m/s²]
 
 def middle_way(tree: Blueprint, seconds: float) -> np.ndarray:
     """
-    Let a tree go that the wind has bent, and follow its centre of mass.
+    Release a tree that the wind has bent, and follow its centre of mass.
 
     :param tree: one tree.
     :param seconds: how long to follow it [s].
@@ -104,10 +104,10 @@ def bare(tree: Blueprint) -> Blueprint:
 
 def break_speeds(name: str) -> tuple[np.ndarray, int, int]:
     """
-    Let a wind rise slowly on many trees.
+    Raise a wind slowly on many trees.
 
-    :returns: speeds at which each loses wood or hold [m/s], ascending; of how many the roots gave
-        way, and how many were lost, when three quarters of them were.
+    :returns: speeds at which each loses wood or hold [m/s], ascending; number of uprooted trees,
+        and of lost ones, when three quarters of them were.
     """
     scene = Scene.from_parameters({
         'scene': {'objects': [name]}, 'wind': {'turbulence_intensity': 0.0, 'profile': 'uniform'},
@@ -170,7 +170,7 @@ def _shown(speed: float) -> str:
 
 
 def row(name: str) -> str:
-    """Measure one species; give its row of the table."""
+    """Measure one species; return its row of the table."""
     tree = LSystem.load(_GRAMMARS / f'{name}.lsys').build(seed=0)
     height = (2.0 * tree.poses - tree.bond_frame)[:, 2].max()
     breast = tree.bond_extent[0, 0]

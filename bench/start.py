@@ -70,7 +70,7 @@ class Run:
         self._poses.append(monotonic())
 
     def first_poses(self) -> tuple[float, float]:
-        """Wait for them; give wall and CPU time of the node [s]."""
+        """Wait for them; return wall and CPU time of the node [s]."""
         while not self._poses:
             assert self._process.poll() is None, 'the node ended'
             assert monotonic() - self._began < _PATIENCE
@@ -78,7 +78,7 @@ class Run:
         return self._poses[0] - self._began, self._cpu()
 
     def longest_stop(self, seconds: float) -> tuple[float, float]:
-        """Watch for a while; give the longest time between two poses, and CPU time [s]."""
+        """Watch for a while; return the longest time between two poses, and CPU time [s]."""
         start, before = monotonic(), self._cpu()
         first = len(self._poses)
         while monotonic() - start < seconds or len(self._poses) == first:

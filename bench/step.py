@@ -49,7 +49,7 @@ def stand(count: int) -> Simulation:
 
 
 def measure(count: int) -> None:
-    """Print one line about a stand of so many trees."""
+    """Print one line about a stand of a number of trees."""
     simulation = stand(count)
     simulation.step(30)
     rate = round(1.0 / simulation.time_step)

@@ -65,7 +65,7 @@ def processor(work):
 
 
 def jacobi(solver, displacement, load, limit=20000):
-    """Solve with blocks alone, from a displacement and its residual; give the iterations."""
+    """Solve with blocks alone, from a displacement and its residual; return the iterations."""
     graph = solver.graph
     parts = np.flatnonzero(solver.supported)
     bonds = np.flatnonzero(graph.alive)
@@ -88,7 +88,7 @@ def assembled(graph, owner, middle):
 
 
 def direct(solver):
-    """Assemble and factor the whole K with scipy, solve once; give seconds of each."""
+    """Assemble and factor the whole K with scipy, solve once; return seconds of each."""
     parts = np.flatnonzero(solver.supported)
     owner = np.full(solver.graph.count + 1, -1)
     owner[parts] = np.arange(len(parts))

@@ -53,7 +53,7 @@ def office(size, engine):
 
 
 def strike(size, seconds, engine):
-    """Throw a ball along y; give what came of it."""
+    """Throw a ball along y; return the measurements."""
     simulation, bricks = office(size, engine)
     ground = simulation.blueprint.poses
     middle = 0.25 * float(ground[:, 0].max()) + 0.1
@@ -76,7 +76,7 @@ def strike(size, seconds, engine):
 
 
 def timed(simulation, count):
-    """Step; give the wall time of each step and the sum of each stage [s]."""
+    """Step; return the wall time of each step and the sum of each stage [s]."""
     steps, stages = np.empty(count), {}
     for i in range(count):
         start = time.perf_counter()

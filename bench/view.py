@@ -52,14 +52,14 @@ class Replay:
         return self.frames[min(place, 2 * len(self.frames) - 2 - place)]
 
     def status(self) -> Status:
-        """Say that all is well."""
+        """Return a status without faults."""
         return Status(True, 'replay')
 
     def say(self, command: object) -> None:
         """Ignore commands."""
 
     def answer(self) -> str:
-        """Say nothing."""
+        """Return no answer."""
         return ''
 
     def close(self) -> None:

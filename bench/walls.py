@@ -45,7 +45,7 @@ panel lintel: beam(concrete)
 
 
 def measure(grammar: WallGrammar, **defines: float) -> tuple[int, int, float, float]:
-    """Build a few times; give parts, bonds, median processor time [s], peak memory [bytes]."""
+    """Build a few times; return parts, bonds, median processor time [s], peak memory [bytes]."""
     times = []
     for _ in range(_REPEATS):
         start = process_time()

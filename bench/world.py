@@ -56,7 +56,7 @@ def neighbours(columns, rows):
 
 
 def standing(columns, rows, walls, engine, steps=120):
-    """Time a step of bricks that stand [ms]; give it with the time to make one brick [µs]."""
+    """Time a step of bricks that stand [ms]; return it with the time to make one brick [µs]."""
     poses = wall(columns, rows, walls)
     start = time.perf_counter()
     with World(engine=engine) as world:
@@ -74,7 +74,7 @@ def timed(call, *arguments):
 
 
 def jointed(columns, rows, iterations, seconds=2.0):
-    """Time a step of the same wall with a fixed joint per bond [ms]; give it with the sag [m]."""
+    """Time a step of the same wall with a fixed joint per bond [ms]; return it and the sag [m]."""
     client = pybullet.connect(pybullet.DIRECT)
     pybullet.setGravity(0, 0, -9.81, physicsClientId=client)
     pybullet.setPhysicsEngineParameter(fixedTimeStep=DT, numSolverIterations=iterations,

@@ -40,7 +40,7 @@ def standing(blueprint):
 
 
 def take_out(simulation, parts):
-    """Let parts of walls vanish at once."""
+    """Remove parts of walls at once."""
     breaking.destroy(simulation.model, simulation.state, parts, Cause.DEMOLITION, 1.0)
 
 
@@ -121,7 +121,7 @@ def _depth(points, pairs, directions):
 
 
 def are_convex(corners: np.ndarray) -> np.ndarray:
-    """Say which hexahedra, (N, 8, 3), have a volume, flat faces and no dents, (N,) bool."""
+    """Mark the hexahedra, (N, 8, 3), with a volume, flat faces and no dents, (N,) bool."""
     _, normal, middle = faces(corners)
     size = np.ptp(corners, axis=1).max(axis=1)
     out = np.einsum('nfk,nfck->nfc', normal, corners[:, None] - middle[:, :, None])

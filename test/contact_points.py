@@ -80,7 +80,7 @@ class ContactPoints:
         return csr_matrix((np.concatenate(values), entries), shape=(3 * points, 6 * len(plan)))
 
     def carry(self, force):
-        """Say whether a balance is found with forces on the centres of mass [N], (N, 3)."""
+        """Return whether a balance exists with forces on the centres of mass [N], (N, 3)."""
         return self._balance(force)
 
     def _balance(self, force):

@@ -61,7 +61,7 @@ Figures = Mapping[str, Callable[[Simulation], float]]
 
 
 def nudge(scene: Scene, rng: np.random.Generator) -> Simulation:
-    """Set a scene up that differs from a given one by less than anybody could measure."""
+    """Set up a scene that differs from a given one by an immeasurably small amount."""
     settings = scene.settings
     cues = tuple(replace(cue, time=cue.time + rng.uniform(0.0, settings.time_step),
                          what=nudged(cue.what, rng)) for cue in settings.cues)
@@ -111,7 +111,7 @@ class Watch:
         self._mass = simulation.blueprint.mass.sum()
 
     def run(self, seconds: float) -> Simulation:
-        """Let time pass, and look at every step."""
+        """Step for some time, and check every step."""
         for _ in range(round(seconds / self.simulation.time_step)):
             self.step()
         return self.simulation
@@ -241,7 +241,7 @@ def energy(simulation: Simulation) -> float:
 
 
 def down(simulation: Simulation) -> np.ndarray:
-    """Say which parts have come down or are gone, (N,) bool."""
+    """Mark the parts that have come down or are gone, (N,) bool."""
     moved = simulation.poses[:, :3] - simulation.blueprint.poses[:, :3]
     return ~(np.linalg.norm(moved, axis=1) <= _DOWN)
 
@@ -260,11 +260,11 @@ def hanging(simulation: Simulation) -> np.ndarray:
 
 def sinking(simulation: Simulation) -> np.ndarray:
     """
-    Wake what lies about, neighbours together; give how far each comes down within 0.2 s [m].
+    Wake resting bodies, neighbours together; return how far each comes down within 0.2 s [m].
 
-    A piece that floats falls freely; one that leans on what gives way only begins to tip. So many
-    are woken at a time as have their contacts solved as finely as when the last came to rest: what
-    is woken all at once shows how coarse the solution for all of them is. All rests again then.
+    A piece that floats falls freely; one that leans on an unstable one only begins to tip. As many
+    are woken at a time as have their contacts solved as finely as when the last came to rest:
+    waking all at once would show how coarse the solution for all is. All rests again then.
     """
     bodies = simulation.state.world.bodies
     resting = np.flatnonzero(bodies.state == BodyState.RESTING)

@@ -47,7 +47,7 @@ def small_wall() -> Blueprint:
 
 
 def bent_in_wind(scene: Scene, steps: int = 60) -> Simulation:
-    """Let a storm bend what stands in a scene."""
+    """Bend the trees of a scene by a storm."""
     simulation = Simulation(scene)
     simulation.set_wind((14.0, 6.0, 0.0))
     simulation.step(steps)

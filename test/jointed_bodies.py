@@ -86,7 +86,7 @@ class JointedBodies:
             pybullet.resetBaseVelocity(self.bodies[part], list(velocity), [0, 0, 0], **self._to)
 
     def step(self) -> None:
-        """Let a sixtieth of a second pass."""
+        """Step by a sixtieth of a second."""
         pybullet.stepSimulation(**self._to)
         self.read()
 

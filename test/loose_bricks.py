@@ -35,7 +35,7 @@ def nudged(seed):
 
 
 def heap(world, seed, wide, count):
-    """Drop bricks in loose layers, so many wide and deep; give their ids."""
+    """Drop bricks in loose layers of a width and depth; return their ids."""
     rng = np.random.default_rng(seed)
     return [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
                            at(*(np.array([0.25, 0.15]) * (i % wide, i // wide % wide)
@@ -44,7 +44,7 @@ def heap(world, seed, wide, count):
 
 
 def rest(world, limit=10.0):
-    """Step until nothing moves; give the time it took [s]."""
+    """Step until nothing moves; return the time it took [s]."""
     for step in range(round(limit / DT)):
         world.step(DT)
         if not len(world.awake):

@@ -185,7 +185,7 @@ def building(side=27, storeys=4, courses=38, windows=4, **strengths):
 
 def admissible(plan, friction, standing=None):
     """
-    Say whether dry joints can carry what stands in the plane of x and z, by limit analysis (LP).
+    Return whether dry joints can carry parts in the plane of x and z, by limit analysis (LP).
 
     Each joint presses at the two edges of its patch, and rubs; the lower bound theorem.
 

@@ -108,7 +108,7 @@ class NodeProcess:
         return code, self.complaints()
 
     def kill(self) -> None:
-        """End the process whatever it does."""
+        """End the process in any case."""
         if self.process.poll() is None:
             self.process.kill()
         self.process.wait()
@@ -156,7 +156,7 @@ class Client:
         self.node.destroy_node()
 
     def host(self, node: Any) -> None:
-        """Let a node of this process be served as well while this one waits."""
+        """Serve a node of this process as well while this one waits."""
         self._executor.add_node(node)
 
     def spin_until(self, done: Callable[[], Any], what: str) -> None:
@@ -205,8 +205,7 @@ class Client:
         """
         Publish until that shows.
 
-        A publisher knows its subscribers before they know it, so that what it says first may be
-        heard by nobody.
+        A publisher knows its subscribers before they know it, so its first messages may be lost.
 
         :param sent: publishers, each with its message.
         """
@@ -236,7 +235,7 @@ class Client:
         return self.call(SetBool, f'/sim/{name}', SetBool.Request(data=on))
 
     def set_parameter(self, name: str, value: Any) -> Any:
-        """Set a parameter of `sim`; give the result with `successful` and `reason`."""
+        """Set a parameter of `sim`; return the result with `successful` and `reason`."""
         request = SetParameters.Request(
             parameters=[Parameter(name, value=value).to_parameter_msg()])
         return self.call(SetParameters, '/sim/set_parameters', request).results[0]

@@ -70,7 +70,7 @@ def faults(seed: int, steps: int = 40) -> Iterator[str]:
 
 
 def _look(simulation: Simulation) -> Iterator[str]:
-    """Tell of values that are not finite, parts that are there and nowhere, and of what races."""
+    """Yield faults: values that are not finite, poses of removed parts, and runaway bodies."""
     here = simulation.exists
     if not np.isfinite(simulation.poses[here]).all():
         yield 'a pose is not finite'

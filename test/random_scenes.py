@@ -113,7 +113,7 @@ def _look(simulation: Simulation, ledger: EnergyLedger, slack: np.ndarray, mass:
 
 def _throw(simulation: Simulation, ledger: EnergyLedger, event: Event, blueprint: Blueprint,
            x: float, reach: float) -> None:
-    """Let a ball fly along the wind at one object."""
+    """Throw a ball along the wind at one object."""
     if not event.ball:
         return
     height = max(event.height * float(blueprint.poses[:, 2].max()), 0.0) + event.diameter

@@ -45,7 +45,7 @@ material brick {{ tension: 0.05e6  cohesion: 0.06e6 }}
 @cache
 def cut(middle, width, seconds=3.0, **strengths):
     """
-    Cut an opening into the foot of a wall; give x, z of its other bricks, and which stand.
+    Cut an opening into the foot of a wall; return x, z of its other bricks, and which stand.
 
     The last of them falls within a second. Nobody changes what several tests look at.
     """
@@ -93,7 +93,7 @@ def test_cement_mortar_carries_what_lime_does_not():
 
 
 def house_without(floors, gone, steps=400):
-    """Take bricks of the ground floor out of a house; give x of the upper ones, which stay."""
+    """Take bricks of the ground floor out of a house; return x of the upper ones, which stay."""
     blueprint = WallGrammar.parse(_HOUSE.format(floors=floors)).build()
     simulation = standing(blueprint)
     places = blueprint.poses

@@ -36,7 +36,7 @@ def stand(built):
 
 
 def at_pace(monkeypatch, pace):
-    """Let the stress solver have so many times as many iterations."""
+    """Multiply the iterations of the stress solver."""
     for name in ('_PACE', '_WORK'):
         monkeypatch.setattr(masonry, name, type(getattr(masonry, name))(
             pace * getattr(masonry, name)))

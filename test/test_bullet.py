@@ -186,7 +186,7 @@ def test_contacts_name_those_that_touched_when_others_get_their_handles():
 
 
 def fall(seed):
-    """Let boxes and capsules come and go in a world of their own; give what is left."""
+    """Let boxes and capsules come and go in a world of their own; return what is left."""
     rng = np.random.default_rng(seed)
     with World(engine='bullet') as world:
         bodies = []

@@ -61,7 +61,7 @@ def buttressed(count, courses):
 
 
 def stands(plan, force):
-    """Let a wall settle, push it, and say whether all of it stands."""
+    """Let a wall settle, push it, and return whether all of it stands."""
     solver = StressSolver(BondGraph(plan))
     fracture = Fracture(solver)
     fracture.advance(6000)

@@ -35,7 +35,7 @@ def test_a_stand_beyond_memory_is_refused_with_the_number_that_fits(monkeypatch)
 
 
 def test_scenes_ask_for_free_memory_before_they_place_trees(monkeypatch, tmp_path):
-    """Pretend that little is free, or that nobody knows."""
+    """Pretend that little memory is free, or that it is unknown."""
     table = tmp_path / 'meminfo'
     monkeypatch.setattr(capacity, '_MEMORY', table)
     assert capacity.available_memory() is None

@@ -46,7 +46,7 @@ def tilted(blueprint, angle=0.3):
 
 
 def fall(blueprint, height, seconds=3.0):
-    """Let a blueprint that holds on to nothing fall with its lowest point from a height."""
+    """Drop an unsupported blueprint with its lowest point from a height."""
     size = np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(blueprint.poses[:, 3:])),
                      0.5 * blueprint.size)
     low = (blueprint.poses[:, 2] - size[:, 2]).min()

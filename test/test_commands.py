@@ -245,7 +245,7 @@ class Timer:
         self.runs = True
 
     def is_canceled(self):
-        """Say whether it is stopped."""
+        """Return whether it is stopped."""
         return not self.runs
 
 

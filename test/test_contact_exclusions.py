@@ -29,7 +29,7 @@ _CUBE = np.full(3, 0.4)
 
 
 def broken(engine: str) -> Simulation:
-    """Let the branches come off."""
+    """Detach the branches."""
     scene = Scene(Settings(engine=engine))
     scene.add(LSystem.parse(_FORK).build(), name='fork')
     simulation = Simulation(scene)

@@ -36,7 +36,7 @@ def arcade(bays):
 
 
 def fall(blueprint, bays, time_step=FRAME):
-    """Knock out a pier and what springs from it; give when what it bore comes loose [s]."""
+    """Knock out a pier and what springs from it; return when what it bore comes loose [s]."""
     scene = Scene(Settings(engine='native'))  # to let bricks loose takes it no time
     scene.add(blueprint, name='arcade')
     simulation = Simulation(scene, time_step=time_step)

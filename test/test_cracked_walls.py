@@ -26,7 +26,7 @@ THICKNESS = 0.1025  # [m]
 
 
 def pushed(tension=0.0, length=8):
-    """Stand a wall in a simulation; give it, and how to push it by a share of what tips it."""
+    """Stand a wall in a simulation; return it, and how to push it by a share of what tips it."""
     plan = wall(length, 20, tension=tension, cohesion=1.5 * tension)
     simulation = standing(plan)
     face = plan.size[:, 0] * plan.size[:, 2]

@@ -44,7 +44,7 @@ def places(simulation):
 
 
 def moved(simulation, before):
-    """Say by how much each tree has moved since [m], (49,)."""
+    """Compute how far each tree has moved since [m], (49,)."""
     step = np.linalg.norm(simulation.poses[:, :3] - before[:, :3], axis=1)
     return step.reshape(-1, PER_TREE).max(axis=1)
 
@@ -141,7 +141,7 @@ def test_far_trees_stepped_less_often_stay_close_to_the_full_simulation():
 
 
 def test_culling_off_changes_nothing_and_on_repeats_itself():
-    """Match a scene without culling bit by bit when off; give the same run twice when on."""
+    """Match a scene without culling bit by bit when off, and itself in two runs when on."""
     plain, off = stand(), stand(field_of_view=0.5)
     off.set_observer((0.0, 0.0, 0.0))
     twice = [stand(frustum=True, distance=30.0, far_interval=2) for _ in range(2)]

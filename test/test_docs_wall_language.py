@@ -42,7 +42,7 @@ def _rows(section: str, head: str) -> dict[str, list[str]]:
 
 
 def _refusal(text: str) -> str:
-    """Say why a grammar is refused."""
+    """Return the reason why a grammar is refused."""
     with pytest.raises(GrammarError) as refused:
         WallGrammar.parse(text).build()
     return str(refused.value)

@@ -29,7 +29,7 @@ STRENGTH = 1e12            # [Pa] in compression: limit analysis knows no crushi
 
 
 def stands(plan, load=None):
-    """Let a structure settle, load it, and say whether all of it stands."""
+    """Let a structure settle, load it, and return whether all of it stands."""
     solver = StressSolver(BondGraph(plan))
     fracture = Fracture(solver)
     fracture.advance(12_000)

@@ -90,7 +90,7 @@ def test_bent_trees_return_to_their_shape(tmp_path):
 
 
 def sag(scene: Scene, part: int, force: float) -> tuple[np.ndarray, Simulation]:
-    """Pull at a part until everything rests; give its way [m] (3,)."""
+    """Pull at a part until everything rests; return its way [m] (3,)."""
     simulation = Simulation(scene)
     simulation.set_wind_enabled(False)
     start = simulation.poses[part, :3].copy()

@@ -54,7 +54,7 @@ def lying(made):
 
 
 def dropped(made, height, seconds=0.0):
-    """Let a piece fall; its lowest point is in that height."""
+    """Drop a piece with its lowest point at that height."""
     axes = np.abs(rotation.to_matrix(made.poses[:, 3:]))
     low = (made.poses[:, 2] - np.einsum('nij,nj->ni', axes, 0.5 * made.size)[:, 2]).min()
     scene = Scene()
@@ -65,7 +65,7 @@ def dropped(made, height, seconds=0.0):
 
 
 def is_whole(simulation):
-    """Say whether the pane is in one piece."""
+    """Return whether the pane is in one piece."""
     return bool(np.isfinite(simulation.poses[PANE, 0]))
 
 

@@ -262,7 +262,7 @@ def _softness_of_wood(tree: Blueprint, path: np.ndarray, modulus: np.ndarray) ->
 
 
 def _springiness(tree: Blueprint, name: str) -> float:
-    """Pull a stem aside at 0.7 of its height; give how much softer it is than solid wood."""
+    """Pull a stem aside at 0.7 of its height; return how much softer it is than solid wood."""
     path = _path(tree)
     base, upwards = _STEMS[name]
     modulus = base * upwards ** np.arange(len(path))

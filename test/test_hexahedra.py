@@ -46,7 +46,7 @@ def trapezoid(bottom=0.3, top=0.2, height=0.2, width=0.15):
 
 
 def stones(corners, **strengths):
-    """Bond stones wherever they touch; give the blueprint."""
+    """Bond stones wherever they touch; return the blueprint."""
     made = solids(corners)
     patches = meet(corners, np.ones(len(corners), bool), 0.002)
     plan = masonry(made.poses[:, :3], made.size, patches.pair, patches.pose, patches.extent,
@@ -202,7 +202,7 @@ def arch():
 
 
 def shows_corners(points, plan):
-    """Say whether points, (N, 3), are at the corners of all stones and nowhere else, to 10 µm."""
+    """Return whether points, (N, 3), are exactly the corners of all stones, to 10 µm."""
     away = cdist(points, plan.hexahedra.points(plan.poses).reshape(-1, 3))
     return max(away.min(axis=0).max(), away.min(axis=1).max()) < 1e-5
 

@@ -46,7 +46,7 @@ def bar(world, place, size=ROD, mass=1.0, attitude=UPRIGHT, velocity=None):
 
 
 def run(world, seconds, time_step, read):
-    """Let time pass; give what is read after each step."""
+    """Step for some time; return the reading after each step."""
     found = []
     for _ in range(round(seconds / time_step)):
         world.step(time_step)
@@ -82,7 +82,7 @@ def periods(values, time_step):
 
 
 def pendulum(kind, angle, **place):
-    """Hang a rod by its end, away from the vertical by an angle; give world and body."""
+    """Hang a rod by its end, away from the vertical by an angle; return world and body."""
     where = {'gravity': (0.0, 0.0, -G), **place}
     world = World(engine='native', **where)
     turn = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(0.5 * np.pi + angle))
@@ -339,7 +339,7 @@ def test_a_ring_of_welds_is_one_body():
 
 
 def tumbling(way=(0.0, 0.0, 0.0), attitude=UPRIGHT, gravity=False):
-    """Let three bodies hang by all kinds of joints, and throw them; give world and bodies."""
+    """Let three bodies hang by all kinds of joints, and throw them; return world and bodies."""
     down = rotation.rotate(attitude, [0.0, 0.0, -G]) if gravity else np.zeros(3)
     world = World(engine='native', gravity=tuple(down))
     rng = np.random.default_rng(7)

@@ -40,7 +40,7 @@ def lump(along, courses, **kwargs):
 
 def falling(counts, height, tension=0.2e6, engine='auto', stone=True):
     """
-    Let walls fall.
+    Drop walls.
 
     :param counts: bricks along and courses of each wall.
     :param height: to fall [m].

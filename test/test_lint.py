@@ -64,7 +64,7 @@ def _sources(folder: Path) -> list[Path]:
 
 @cache
 def _judges() -> bytes:
-    """Tell all that a verdict depends on but the file: settings, and what is installed."""
+    """Return all that a verdict depends on but the file: settings and installed packages."""
     installed = sorted(f'{own.name} {own.version}' for own in distributions())
     return (ROOT / 'setup.cfg').read_bytes() + repr((sys.version, installed)).encode()
 

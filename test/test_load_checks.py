@@ -39,7 +39,7 @@ material brick { tension: 0.02e6  cohesion: 0.02e6 }
 
 
 def loaded(*objects):
-    """Load named blueprints at places; give the warnings."""
+    """Load named blueprints at places; return the warnings."""
     scene = Scene()
     for name, plan, place in objects:
         scene.add(plan, place, 0.0, name)

@@ -152,7 +152,7 @@ def test_closers_crumble_with_their_joint():
 
 
 def test_stone_has_grain_of_all_sizes():
-    """Share out the contrast of the image over five octaves, lest it look woven."""
+    """Share the contrast of the image among five octaves, so that it does not look woven."""
     grain = texture.image('grain')[..., 0].astype(float)
     power = np.abs(np.fft.fft2(grain - grain.mean())) ** 2
     wave = np.fft.fftfreq(len(grain)) * len(grain)

@@ -30,7 +30,7 @@ pytestmark = pytest.mark.skipif(shutil.which('make') is None, reason='there is n
 
 
 def started(folder, node='exec sleep 600', page='exec sleep 600'):
-    """Run `make run` with stand-ins for node and page; give it, and their process numbers."""
+    """Run `make run` with stand-ins for node and page; return it, and their process numbers."""
     acts = {'bin/python': 'exit 0', 'bin/view': page, 'lib/procphys_ros/sim': node}
     for name, act in acts.items():
         path = folder / name
@@ -63,7 +63,7 @@ def wait_until(done):
 
 
 def is_there(number):
-    """Say whether a process runs."""
+    """Return whether a process runs."""
     try:
         state = Path(f'/proc/{number}/stat').read_text('utf-8').rpartition(')')[2].split()[0]
     except (FileNotFoundError, ProcessLookupError):  # the latter where it ends meanwhile

@@ -24,13 +24,13 @@ from procphys_ros.physics.masonry.mechanisms import loosening
 
 
 def comes_off(graph, share, drift):
-    """Choose bonds where all parts drift; give their rows."""
+    """Choose bonds where all parts drift; return their rows."""
     labels, _ = label(graph.count, graph.first, graph.second, graph.alive)
     return np.flatnonzero(loosening(graph, share, np.arange(graph.count), labels, drift))
 
 
 def portal():
-    """Lay a beam on two piers of three blocks; give graph, and the beds of each from below."""
+    """Lay a beam on two piers of three blocks; return graph, and the beds of each from below."""
     places = [(x, 0.0, 0.05 + 0.1 * k) for x in (0.1, 1.1) for k in range(3)]
     sizes = [(0.2, 0.2, 0.1)] * 6 + [(1.2, 0.2, 0.1)]
     graph = BondGraph(bonded(np.array([*places, (0.6, 0.0, 0.35)]), np.array(sizes)))

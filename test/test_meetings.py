@@ -172,7 +172,7 @@ def lay(simulation: Simulation, thing: str, place: tuple, attitude: np.ndarray) 
 
 
 def is_still(simulation: Simulation) -> bool:
-    """Say whether everything rests: no body awake, no branch flexible, nothing moves by 10 nm."""
+    """Return whether all rests: no body awake, no branch flexible, nothing moves by 10 nm."""
     before = simulation.poses.copy()
     simulation.step(60)
     return (simulation.awake_bodies == 0 and not len(simulation.state.forest.free_roots)

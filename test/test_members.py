@@ -54,7 +54,7 @@ panel lintel: beam({lintel})
 
 
 def hut(lintel='concrete', floors='none', roof='none'):
-    """Build a hut with an opening of 0.9 m; give it, and the kinds of both sides of each bond."""
+    """Build a hut with an opening of 0.9 m; return it and the kinds of both sides of each bond."""
     plan = WallGrammar.parse(_HUT.format(lintel=lintel, floors=floors, roof=roof)).build()
     kinds = np.array((*plan.kinds, 'ground'))
     return plan, kinds[np.where(plan.bonds == GROUND, -1, plan.kind[plan.bonds])]
@@ -105,13 +105,13 @@ def in_pieces(lengths, fixed=False):
 
 
 def loaded(plan, moment):
-    """Load a beam evenly, by a moment w·l²/8; give the fracture, and what fails."""
+    """Load a beam evenly, by a moment w·l²/8; return the fracture, and what fails."""
     fracture = Fracture(StressSolver(BondGraph(plan), gravity=(0.0, 0.0, 0.0), tolerance=1e-3))
     return fracture, load(fracture, moment)
 
 
 def load(fracture, moment):
-    """Replace the load of a beam; give rows and whether they broke of what fails."""
+    """Replace the load of a beam; return rows and whether they broke of what fails."""
     force = np.zeros((2, 3))
     force[:, 2] = -0.5 * SPAN * 8.0 * moment / SPAN ** 2
     fracture.solver.set_loads(force)

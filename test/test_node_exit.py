@@ -146,7 +146,7 @@ def test_node_ends_during_a_reload_and_while_paused(start, client, how):
 
 @pytest.fixture(scope='module')
 def warned(tmp_path_factory):
-    """Run a node with everything that is warned of until time passes; give lines of the log."""
+    """Run a node with everything that is warned of until time passes; return lines of the log."""
     slip = 'axiom: Width(0.08) Density(700) F(1) W F(1)'
     process = NodeProcess(tmp_path_factory.mktemp('warned'), {
         'use_sim_time': True, 'status_line': 'on', 'real_time_factor': 2, 'gravity': 9.5,

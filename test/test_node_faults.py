@@ -67,7 +67,7 @@ def status_where(client, fits) -> DiagnosticStatus:
 
 
 def break_steps(monkeypatch) -> None:
-    """Let every step raise what no step should."""
+    """Make every step raise an error."""
     def step(self, n=1):
         raise ZeroDivisionError('division by zero')
     monkeypatch.setattr(Simulation, 'step', step)

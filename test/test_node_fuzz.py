@@ -78,7 +78,7 @@ def number(rng: Random) -> float:
 
 
 def message(rng: Random, kind: type):
-    """Fill a message with whatever its fields can hold."""
+    """Fill a message with random values of its fields."""
     made = kind()
     made.header.frame_id = rng.choice(TEXTS)
     if rng.random() < 0.3:

@@ -52,7 +52,7 @@ def _written(path, content):
 
 
 def use_file(client, path):
-    """Let the services use a file."""
+    """Set the file of the services."""
     assert client.set_parameter('state.file', str(path)).successful
 
 

@@ -65,7 +65,7 @@ ONLY_IN = {
 
 
 def layer_name(module: str) -> str:
-    """Name the layer of a dotted module inside the package."""
+    """Return the layer of a dotted module inside the package."""
     parts = module.split('.')
     depth = 2 if parts[0] == 'physics' else 1
     return '.'.join(parts[:depth])

@@ -37,7 +37,7 @@ def excess(solver, push, parts, direction):
 
 
 def strike_singly(solver, struck, force, direction, acceleration=0.0):
-    """Let a striker of its own strike each part."""
+    """Strike each part by its own striker."""
     return punched(solver, np.arange(len(struck)), np.asarray(struck), np.asarray(force),
                    direction, acceleration)
 

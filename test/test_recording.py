@@ -58,7 +58,7 @@ _RATE, _STEPS = 20.0, 150  # one frame each third step
 
 @pytest.fixture(scope='module')
 def run(tmp_path_factory):
-    """Record two and a half seconds; give the file, and time and poses of each frame."""
+    """Record two and a half seconds; return the file, and time and poses of each frame."""
     path = tmp_path_factory.mktemp('record') / 'run.mcap'
     simulation = Simulation(Scene.from_parameters(_STRUCK))
     frames = []

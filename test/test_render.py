@@ -83,7 +83,7 @@ def _poses(count: int) -> np.ndarray:
 
 
 def _turns_outward(shape: mesh.Mesh) -> np.ndarray:
-    """Tell for each face with an area whether its winding agrees with its normals."""
+    """Return for each face with an area whether its winding agrees with its normals."""
     a, b, c = (shape.points[shape.triangles[:, i]] for i in range(3))
     facing = np.cross(b - a, c - a)
     normal = shape.normals[shape.triangles].mean(axis=1)
@@ -260,7 +260,7 @@ def test_poses_move_what_is_drawn(bush, tmp_path):
 
 
 def _inside(points: np.ndarray, poses: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Tell which points lie in any of the boxes, (P,) bool."""
+    """Mark the points that lie in any of the boxes, (P,) bool."""
     inside = np.zeros(len(points), bool)
     for pose, extents in zip(poses, size):
         local = rotation.rotate(rotation.conjugate(pose[3:]), points - pose[:3])

@@ -33,7 +33,7 @@ def energy(bodies):
 
 
 def flung_together(rng):
-    """Let rods and blocks of grams to tonnes fly at each other, some of them spinning fast."""
+    """Throw rods and blocks of grams to tonnes at each other, some of them spinning fast."""
     world = World(gravity=(0.0, 0.0, 0.0), engine='native')
     for _ in range(30):
         size = np.exp(rng.uniform(np.log(0.03), np.log(0.6), 3))

@@ -57,7 +57,7 @@ def bodies(places, sizes, masses, friction=0.6, fixed=(), gravity=G):
 
 
 def run(engine, seconds, time_step=DT):
-    """Let time pass."""
+    """Step for some time."""
     for _ in range(round(seconds / time_step)):
         engine.step(time_step)
 

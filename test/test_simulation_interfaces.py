@@ -159,7 +159,7 @@ def category(number):
     ({'filters__bounds__points': [point(1, 1, 3), point(-1, -1, 0)]}, ['oak_0']),
 ])
 def test_entities_are_filtered(unchanged, fields, expected):
-    """Find objects by name, tag, category and bounds; give as many states as names."""
+    """Find objects by name, tag, category and bounds; return as many states as names."""
     assert call(unchanged, 'get_entities', **fields).entities == expected
     answer = call(unchanged, 'get_entities_states', **fields)
     assert answer.entities == expected and len(answer.states) == len(expected)
@@ -242,7 +242,7 @@ class Goal:
 
     @property
     def is_cancel_requested(self):
-        """Say whether somebody has cancelled it."""
+        """Return whether the goal is cancelled."""
         return len(self.feedback) == self._limit
 
     def publish_feedback(self, feedback):
@@ -258,7 +258,7 @@ class Goal:
         self.end = 'aborted'
 
     def canceled(self):
-        """End because somebody wanted it."""
+        """End by cancellation."""
         self.end = 'cancelled'
 
 

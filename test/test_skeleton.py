@@ -171,7 +171,7 @@ def test_several_roots_stand_side_by_side():
 
 
 def _grown(rng: np.random.Generator, count: int) -> dict:
-    """Grow a random tree of so many nodes, with wood of its own in every segment and leaves."""
+    """Grow a random tree of `count` nodes, with its own wood in every segment, and leaves."""
     parents = np.array([-1, *(rng.integers(0, node) for node in range(1, count))])
     nodes = np.zeros((count, 3))
     for node in range(1, count):

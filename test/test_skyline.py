@@ -32,7 +32,7 @@ EDGE = 0.25  # [m] of a cell: what stands is so much wider for leaves
 
 
 def leaves_at(points):
-    """Let leaves go at some points."""
+    """Release leaves at some points."""
     falling = FallingLeaves(9.81, 1)
     pose = np.hstack([points, np.tile([0.0, 0.0, 0.0, 1.0], (len(points), 1))])
     falling.let_go(np.arange(len(points)), pose, np.zeros((len(points), 3)),
@@ -47,7 +47,7 @@ def over_house(count, height, reach=6.0, seed=0):
 
 
 def on_house(points, room=0.0):
-    """Say which points are above or inside the ground plan of the house."""
+    """Mark the points above or inside the ground plan of the house."""
     return ((np.abs(points[:, 0]) < 3.0 + room) & (np.abs(points[:, 1]) < 2.0 + room))
 
 

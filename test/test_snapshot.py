@@ -259,7 +259,7 @@ def many_copies(table):
 
 
 def much_room(table):
-    """Let the table of bodies have room for a billion."""
+    """Set the capacity of the table of bodies to a billion."""
     world = next(record['data'] for record in table['state']['objects']
                  if 'bodies.capacity' in json.dumps(record))
     capacity = next(pair[1] for pair in world[1:] if pair[0] == 'bodies.capacity')

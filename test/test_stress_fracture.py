@@ -27,7 +27,7 @@ G = 9.81  # [m/s²]
 
 
 def settle(fracture, iterations=200000):
-    """Advance until stable; give all failures as (bond, cause, utilisation, broken) columns."""
+    """Advance until stable; return all failures as (bond, cause, utilisation, broken) columns."""
     rounds = fracture.advance(iterations)
     assert fracture.stable
     return [np.concatenate([getattr(r, name) for r in rounds] or [np.zeros(0)])
@@ -79,7 +79,7 @@ def test_what_sags_soundly_is_no_mechanism():
 
 
 def waiting(ratio):
-    """Push a wall, spend one iteration at a time until something breaks; give the residuals."""
+    """Push a wall, spend one iteration at a time until something breaks; return the residuals."""
     plan = wall(12, 14)
     fracture = start(plan)
     settle(fracture)
@@ -128,7 +128,7 @@ def test_what_breaks_early_is_what_breaks_in_equilibrium():
 
 
 def gap_in_wall(tension):
-    """Remove the foot of a wall over 1.2 m at once; give the fracture, centres and what fell."""
+    """Remove the foot of a wall over 1.2 m at once; return the fracture, centres and what fell."""
     centres, sizes = wall_boxes(16, 20)
     gone = np.flatnonzero((centres[:, 2] < 0.15) & (np.abs(centres[:, 0] - 1.8) < 0.6))
     fracture = start(bonded(centres, sizes, tension=tension, cohesion=1.5 * tension, friction=0.6))

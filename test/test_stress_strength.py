@@ -28,7 +28,7 @@ STRENGTH = {'tension': 0.2e6, 'cohesion': 0.3e6, 'friction': 0.7, 'compression':
 
 
 def single(force, moment=(0.0, 0.0, 0.0), extent=(0.1025, 0.1025), **strengths):
-    """Load one weightless part on one ground bond; give the solved solver."""
+    """Load one weightless part on one ground bond; return the solved solver."""
     plan = blueprint([[0.0, 0.0, 0.0]], [[0.2, 0.1, 0.1]], [[-1, 0]], [[0, 0, 0, 0, 0, 0, 1.0]],
                      [extent], **{**STRENGTH, **strengths})
     solver = StressSolver(BondGraph(plan), (0.0, 0.0, 0.0), 1e-6)

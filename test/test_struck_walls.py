@@ -54,7 +54,7 @@ def wall(leaves):
 
 
 def strike(simulation, mass, speed, place, size, shape='sphere'):
-    """Throw something at what stands, and make its first blows only; give it."""
+    """Throw a projectile at a wall, and make its first blows only; return it."""
     simulation.launch(Projectile(shape, size, mass, place, (0.0, speed, 0.0)))
     for _ in range(200):
         before = loose(simulation)

@@ -25,7 +25,7 @@ _PUSHED = np.arange(150, 156)  # neighbours, some way up
 
 @pytest.fixture
 def chosen(monkeypatch):
-    """Let steps on a part begin in small walls, too; list how many parts they are on."""
+    """Allow steps on a part in small walls, too; list the numbers of parts they are on."""
     choose, sizes = subdomains.furthest_off, []
 
     def listed(*given):
@@ -49,7 +49,7 @@ def struck(built):
 
 
 def rounds_of(fracture, count, iterations=100):
-    """Work on a blow until so many rounds have failed something; give what failed in each."""
+    """Work on a blow until `count` rounds have failed something; return the failures of each."""
     failed = []
     for _ in range(4000 // iterations):
         found, over = fracture.withstand(iterations, 1000.0, lambda moved: False)

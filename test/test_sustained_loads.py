@@ -28,7 +28,7 @@ _STONE = 0.5  # [m], as wide as its middle block
 
 
 def laid_on_a_stone(tension, flat=False):
-    """Let a beam of 3.5 m down from 0.2 mm on a stone under its middle, or on the ground."""
+    """Drop a beam of 3.5 m by 0.2 mm onto a stone under its middle, or onto the ground."""
     centres = [[_LENGTH * i, 0.0, 0.5 * _HEIGHT] for i in range(-3, 4)]
     beam = bonded(centres, (_LENGTH, 0.2, _HEIGHT), density=_DENSITY, gap=1e-3, ground=False,
                   tension=tension, cohesion=2.0 * tension)

@@ -37,7 +37,7 @@ COUNTS = (1, 2, 5)
 
 @pytest.fixture(autouse=True)
 def small_ranges(monkeypatch):
-    """Let few rows be enough for several ranges."""
+    """Make few rows enough for several ranges."""
     monkeypatch.setattr(threads, '_WORTH', 16)
 
 

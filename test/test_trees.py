@@ -49,7 +49,7 @@ def _peaks(path: np.ndarray, dt: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _sag(segments: int) -> float:
-    """Pull the tip of a beam aside with 20 N until it is at rest; give how far it has gone [m]."""
+    """Pull the tip of a beam aside with 20 N until it is at rest; return its displacement [m]."""
     forest, last = Forest(beam(segments, damping_ratio=0.7), gravity=_NO_WEIGHT), segments - 1
     end = [0.0, 0.0, LENGTH]
     for _ in range(2000):

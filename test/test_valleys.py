@@ -51,7 +51,7 @@ def built(plan, pitch=40, turn=0.0, height=1.2, layout='running'):
 
 
 def inside(points, polygon):
-    """Say which points lie in a polygon."""
+    """Mark the points in a polygon."""
     found = np.zeros(len(points), bool)
     for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
         crosses = (a[1] > points[:, 1]) != (b[1] > points[:, 1])
@@ -62,7 +62,7 @@ def inside(points, polygon):
 
 
 def wet(blueprint, points):
-    """Let rain fall: say which points, (n, 2), no tile lies over."""
+    """Drop rain: mark the points, (n, 2), that no tile covers."""
     corners = corners_of(blueprint)
     dry = np.zeros(len(points), bool)
     for row in np.flatnonzero(blueprint.kind == blueprint.kinds.index('tile')):

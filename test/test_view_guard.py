@@ -63,7 +63,7 @@ def page():
 
 
 def asked(page, path, **headers):
-    """Ask for a path; give the status and the text."""
+    """Ask for a path; return the status and the text."""
     connection = HTTPConnection('localhost', page.server.get_port(), timeout=60)
     connection.putrequest('GET', path, skip_host='Host' in headers)
     for name, value in headers.items():

@@ -81,7 +81,7 @@ def node(folder, followed):
 
 
 def says(followed, command):
-    """Have a command carried out, and give the answer."""
+    """Send a command and return the answer."""
     followed.say(SetSpeed(1.0))  # has no answer, so that the next one can be told from the last
     wait_until(lambda: followed.answer() == '', 'no answer')
     followed.say(command)

@@ -46,7 +46,7 @@ def _blow(name):
 
 
 def _let_answer(simulation, velocity, most=40.0):
-    """Let a wind blow until the walls have answered to it."""
+    """Blow a wind until the walls have responded to it."""
     simulation.set_wind((*velocity, 0.0))
     simulation.step(30)
     while not masonry.is_stable(simulation.state) and simulation.time < most:

@@ -44,7 +44,7 @@ def rows_of(blueprint, kind):
 
 
 def open_share(blueprint, size=(8.0, 5.0), drops=8000):
-    """Let drops fall on the plan: give the share that no tile stops."""
+    """Drop rain on the plan: return the share that no tile stops."""
     points = np.random.default_rng(0).uniform((0.0, 0.0), size, (drops, 2))
     stopped = np.zeros(drops, bool)
     for row in rows_of(blueprint, 'tile'):

@@ -60,7 +60,7 @@ def all_kernels() -> dict[str, Any]:
 
 
 def callees(kernel: Any) -> set[str]:
-    """Name the kernels that a kernel calls, also as members of modules."""
+    """List the kernels that a kernel calls, also as members of modules."""
     function = kernel.py_func
     scopes = [function.__globals__, *(value.__dict__ for value in function.__globals__.values()
                                       if inspect.ismodule(value))]
@@ -186,7 +186,7 @@ def test_jobs_are_a_whole_number(number, capsys):
 
 
 def test_overload_compiles_once(tmp_path, monkeypatch):
-    """Say whether an overload had to be compiled."""
+    """Return whether an overload had to be compiled."""
     shortest = min(shipped()[0], key=lambda overload: len(str(overload.arguments)))
     code = ('from procphys_ros.compilation.overloads import Overload; '
             f'print(Overload(*{[shortest.module, shortest.name, shortest.arguments]}).compile())')

@@ -81,7 +81,7 @@ def pier(footprint=FREE, thick=ENGLISH, out=0.1125, height=1.8, top=1.35, room=1
 
 
 def holds(blueprint):
-    """Say whether nothing cracks or falls under its own weight."""
+    """Return whether nothing cracks or falls under its own weight."""
     found = Fracture(StressSolver(BondGraph(blueprint)))
     found.advance(20_000)
     return bool(found.stable and found.solver.supported.all() and found.solver.graph.alive.all())

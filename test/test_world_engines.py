@@ -30,7 +30,7 @@ pytestmark = pytest.mark.parametrize('engine', installed_engines())
 
 
 def run(world, steps):
-    """Step so many times."""
+    """Step `steps` times."""
     for _ in range(steps):
         world.step(DT)
 

@@ -38,7 +38,7 @@ def bricks(world, *poses):
 
 
 def stacked(world):
-    """Let one brick come to rest on another; give their ids."""
+    """Let one brick come to rest on another; return their ids."""
     low = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.0335))
     rest(world)
     high = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.03, 0, 0.099))

@@ -32,7 +32,7 @@ def run(world, seconds):
 
 
 def asleep(world, ids):
-    """Say whether all of these bodies sleep."""
+    """Return whether all of these bodies sleep."""
     return (world.bodies.state[ids] == BodyState.RESTING).all()
 
 

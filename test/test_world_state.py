@@ -53,7 +53,7 @@ def busy_world(engine):
 
 
 def run(world, steps):
-    """Step so many times."""
+    """Step `steps` times."""
     for _ in range(steps):
         world.step(DT)
 

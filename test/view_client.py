@@ -93,6 +93,6 @@ class ViewClient:
         self.messages += msgspec.msgpack.decode(inner)['messages']
 
     def updates(self, prop: str) -> list[str]:
-        """Name the scene nodes of which a property was sent again, in order."""
+        """List the scene nodes of which a property was sent again, in order."""
         return [m['name'] for m in self.messages
                 if m['type'] == 'SceneNodeUpdateMessage' and prop in m['updates']]

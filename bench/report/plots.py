@@ -56,7 +56,7 @@ def draw_curves(title: str, curves: list[dict], folder: Path) -> Path:
 
 def draw_deviations(title: str, figures: list[Figure], folder: Path) -> Path:
     """
-    Draw how far each figure is from what is expected, as a share of what is tolerated.
+    Draw the deviation of each figure from its expected value, as a share of its tolerance.
 
     :param title: of the plot.
     :param figures: with at least one tolerance.
@@ -99,7 +99,7 @@ def draw_bounds(title: str, figures: list[Figure], folder: Path) -> Path:
 
 
 def has_upper_bound(figure: Figure) -> bool:
-    """Say whether a figure has a place in `draw_bounds`."""
+    """Return whether a figure has a place in `draw_bounds`."""
     return any(case['kind'] == 'bounds' and 0.0 < case['high'] < math.inf
                for case in figure.cases)
 
