@@ -107,6 +107,15 @@ def test_file_has_its_licence(path):
     assert 'Licensed under the Apache License, Version 2.0' in text[:200]
 
 
+def test_docstrings_say_more_than_give():
+    """Begin no docstring with a verb that names neither a computation nor what comes of it."""
+    found = [f'{path.relative_to(ROOT)}:{node.body[0].lineno}' for path in SOURCES
+             for node in ast.walk(ast.parse(path.read_text('utf-8')))
+             if isinstance(node, ast.FunctionDef | ast.ClassDef)
+             and (ast.get_docstring(node) or '').startswith('Give ')]
+    assert not found
+
+
 @pytest.fixture(scope='module')
 def loaded() -> set[str]:
     """Import everything below the ROS edge in a new process, and list what that has loaded."""
