@@ -533,3 +533,64 @@ def test_points_are_kept_while_a_pair_stays(kind):
         assert not np.isin(anew.found[:, 7], first.found[:, 7]).any()
         kept += 1
     assert kept > 100
+
+
+def thrown(shape, size, middle, velocity, friction=0.6, restitution=0.0, mass=1.0):
+    """Describe what is thrown, unturned."""
+    return plain(shape, np.array(size), mass, np.array([*middle, 0.0, 0.0, 0.0, 1.0]),
+                 np.array([*velocity, 0.0, 0.0, 0.0]), friction=friction, restitution=restitution)
+
+
+def weightless(loose, friction=0.6):
+    """Put bodies into an engine, over the ground and without gravity."""
+    table = BodyTable()
+    table.add_ground(friction)
+    ids = table.add_bodies(BodyState.AWAKE, loose)
+    engine = NativeEngine(np.zeros(3))
+    engine.add(table, np.concatenate([[0], ids]))
+    return table, ids, engine
+
+
+@pytest.mark.parametrize('friction', [0.0, 0.6])
+@pytest.mark.parametrize('size', [(0.2, 0.2, 0.2), (0.4, 0.1, 0.1), (0.4, 0.4, 0.02)])
+def test_what_lands_flat_does_not_begin_to_spin_as_it_bounces(size, friction):
+    """Throw boxes flat at the ground, which has a restitution of 1, and at each other."""
+    box = thrown(Shape.BOX, size, (0.0, 0.0, 0.5 * size[2] + 0.02), (0.0, 0.0, -2.0), friction,
+                 0.64)
+    table, ids, engine = weightless([box], friction)
+    run(engine, 0.1)
+    np.testing.assert_allclose(table.velocities[ids[0]], [0.0, 0.0, 1.6, 0.0, 0.0, 0.0],
+                               atol=5e-3)
+    pair = [thrown(Shape.BOX, size, (0.0, 0.0, 5.0), (0.0, 0.0, 1.0), friction, 0.6),
+            thrown(Shape.BOX, [0.1, 0.1, 0.1], (0.0, 0.0, 5.07 + 0.5 * size[2]),
+                   (0.0, 0.0, -1.0), friction, 0.6)]
+    table, ids, engine = weightless(pair)
+    run(engine, 0.1)
+    wanted = np.zeros((2, 6))
+    wanted[:, 2] = [-0.6, 0.6]
+    np.testing.assert_allclose(table.velocities[ids], wanted, atol=5e-3)
+
+
+@pytest.mark.parametrize('friction', [0.05, 0.1, 0.2])
+@pytest.mark.parametrize('restitution', [0.0, 0.64])
+def test_friction_brakes_by_all_of_a_bounce(friction, restitution):
+    """Throw a ball at an angle: it slides, and friction has both parts of the impulse."""
+    speed, fall, root = 3.0, 2.0, restitution ** 0.5
+    ball = thrown(Shape.CAPSULE, [0.2, 0.2, 0.2], (0.0, 0.0, 0.13), (speed, 0.0, -fall),
+                  friction, restitution)
+    table, ids, engine = weightless([ball], friction)
+    run(engine, 0.1)
+    np.testing.assert_allclose(table.velocities[ids[0], :3],
+                               [speed - friction * (1.0 + root) * fall, 0.0, root * fall],
+                               atol=5e-3)
+
+
+@pytest.mark.parametrize('mass', [0.1, 1.0, 10.0])
+def test_a_ball_bounces_from_what_lies_on_the_ground_as_from_the_ground(mass):
+    """Drop a ball on a box that cannot give way, however light that is."""
+    table, ids, engine = weightless([
+        thrown(Shape.CAPSULE, [0.2, 0.2, 0.2], (0.0, 0.0, 0.33), (0.0, 0.0, -2.0), 0.6, 0.6),
+        thrown(Shape.BOX, [0.4, 0.4, 0.2], (0.0, 0.0, 0.1), np.zeros(3), mass=mass)])
+    table.restitution[ids[1]] = 0.6
+    run(engine, 0.1)
+    np.testing.assert_allclose(table.velocities[ids, 2], [1.2, 0.0], atol=0.03)

@@ -88,11 +88,12 @@ _RATIO = 3.0  # largest ratio of the load on a body to its inertia: for few pass
 # and bitangent, speed along the last two by a unit impulse along the normal, impulses of the
 # present substep, present gap, friction, sums of impulses over the step, the point that rotates
 # with each body at the start of the step, the gap then, the normal impulse of the previous
-# substep, shift and anchor of friction, lever arm and angular impulse of rolling resistance.
+# substep, shift and anchor of friction, lever arm and angular impulse of rolling resistance, and
+# the separation speed after an impact.
 _NORMAL, _TANGENT, _ARM, _OTHER, _MASS, _ASIDE, _PUSHED = 0, 3, 6, 9, 12, 15, 17
 _GAP, _GRIP, _SUM, _PLACE, _OTHER_PLACE, _START, _LAST = 20, 21, 22, 25, 28, 31, 32
-_SHIFT, _ANCHOR, _LEVER, _ROLLED = 33, 35, 37, 38
-_CONTACT = 41
+_SHIFT, _ANCHOR, _LEVER, _ROLLED, _THROWN = 33, 35, 37, 38, 41
+_CONTACT = 42
 
 
 class MovingBodies(NamedTuple):
@@ -307,8 +308,9 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
         _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
                 (h, 0.0, 0.0), True)
-        if bounces:
-            _bounce(contacts, ends, state, rows, elastic)
+        if bounces and _strikes(contacts, rows, elastic):
+            _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+                    (h, 0.0, 0.0), False)
         _add_up(contacts, rows, spots)
         if hangs:
             jointed.add_up(held, joints, system, h)
@@ -552,7 +554,7 @@ def _begin(contacts, ends, state, rows, fall):
     for r in contacts:
         lasting = _lasting(r, rows, fall)
         share = lasting / rows[r, _PUSHED] if lasting > 0.0 else 0.0
-        rows[r, _LAST] = rows[r, _PUSHED]
+        rows[r, _LAST], rows[r, _THROWN] = rows[r, _PUSHED], 0.0
         pushed = scaled(share, three(rows, r, _PUSHED))
         rolled = scaled(share, three(rows, r, _ROLLED))
         put(rows, r, _PUSHED, pushed)
@@ -593,17 +595,19 @@ def _let_go(r, rows):
 
 
 @subroutine(**LEAN)
-def _bounce(contacts, ends, state, rows, elastic):
-    """Apply restitution to contacts of impacts."""
+def _strikes(contacts, rows, elastic):
+    """
+    Write the separation speeds of impacts; return whether there are any.
+
+    Their impulses are solved for like all others: a body that lands on several points must not
+    begin to spin, friction grows with the normal impulse, and the bodies below bear it.
+    """
+    found = False
     for r in contacts:
-        before = rows[r, _PUSHED]
-        if elastic[r, 0] == 0.0 or before == 0.0 or elastic[r, 1] > -_BOUNCE:
-            continue
-        i, j, arm, other = ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER)
-        n = three(rows, r, _NORMAL)
-        lacks = dot(n, _slip(state, i, j, arm, other, SPEED)) + elastic[r, 0] * elastic[r, 1]
-        rows[r, _PUSHED] = max(before - rows[r, _MASS] * lacks, 0.0)
-        _push(state, i, j, arm, other, scaled(rows[r, _PUSHED] - before, n))
+        struck = elastic[r, 0] > 0.0 and rows[r, _PUSHED] > 0.0 and elastic[r, 1] <= -_BOUNCE
+        rows[r, _THROWN] = -elastic[r, 0] * elastic[r, 1] if struck else 0.0
+        found = found or struck
+    return found
 
 
 @subroutine(**LEAN)
@@ -639,10 +643,12 @@ def _pass(contacts, ends, state, rows, pace, moved):
         if rate == 0.0 and gap > 0.0 and before == 0.0:
             continue  # open contacts are stopped in the substep in which they close
         bias = often * gap if gap > 0.0 else max(rate * gap, -_PUSH)
+        gives = min(_GIVES * before, rows[r, _MASS] * max(fall, -bias))
+        if rows[r, _THROWN] > 0.0:
+            bias = -rows[r, _THROWN]
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
         slip = _slip(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
-        gives = min(_GIVES * before, rows[r, _MASS] * max(fall, -bias))
         pressed = max(before - rows[r, _MASS] * lacks - gives, 0.0)
         if pressed == 0.0 and before == 0.0:
             _let_go(r, rows)
