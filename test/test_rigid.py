@@ -594,3 +594,77 @@ def test_a_ball_bounces_from_what_lies_on_the_ground_as_from_the_ground(mass):
     table.restitution[ids[1]] = 0.6
     run(engine, 0.1)
     np.testing.assert_allclose(table.velocities[ids, 2], [1.2, 0.0], atol=0.03)
+
+
+def off_surface(pieces, rows):
+    """Give how far points of a round piece and another one are off the surfaces of both [m]."""
+    worst = 0.0
+    for point, gap, normal in zip(rows.point, rows.gap, rows.normal):
+        for p, spot in enumerate((point + 0.5 * gap * normal, point - 0.5 * gap * normal)):
+            if pieces.kind[p] == ROUND:
+                a, b = pieces.corners[p, :2]
+                share = np.clip((spot - a) @ (b - a) / max((b - a) @ (b - a), 1e-18), 0.0, 1.0)
+                far = abs(np.linalg.norm(spot - a - share * (b - a)) - pieces.radius[p])
+            else:
+                faces = pieces.normals[p]
+                far = max(((faces @ spot) - (pieces.corners[p] @ faces.T).max(axis=0)).max(), 0.0)
+            worst = max(worst, far)
+    return worst
+
+
+@pytest.mark.parametrize('length', [0.3, 6.0])
+@pytest.mark.parametrize('ridge', [1.0, 0.6, 0.0])
+def test_poles_inside_of_solids_leave_them_by_the_shortest_way(ridge, length):
+    """Run poles through boxes, voussoirs and prisms: no direction lets them out sooner."""
+    rng, inside = np.random.default_rng(9), 0
+    for _ in range(60):
+        sizes = np.array([[0.05, 0.05, length], rng.uniform(0.1, 0.4, 3)])
+        poses = draw_poses(rng, 0.05)
+        pieces, table = two_pieces((ROUND, HEXAHEDRON), sizes, poses)
+        pieces.cut[1, [12, 15, 18, 21]] *= ridge
+        place(np.arange(2), pieces, table, np.zeros((3, 6)), 0.0)
+        ends, corners, faces = pieces.corners[0, :2], pieces.corners[1], pieces.normals[1]
+        wanted = nearest(ends, corners, rng)
+        if wanted > -2e-3:
+            continue
+        rows = touching(pieces, table)
+        overlap = -rows.gap.min() - 0.025  # of the axis, which is out when it has gone that far
+        axis = ends[0] + np.linspace(0.0, 1.0, 6001)[:, None] * (ends[1] - ends[0])
+        beyond = (axis + overlap * rows.normal[0]) @ faces.T - (corners @ faces.T).max(axis=0)
+        assert beyond.max(axis=1).min() == pytest.approx(0.0, abs=1e-3)
+        assert overlap < 2e-3 - wanted
+        assert off_surface(pieces, rows) < 0.02  # beside a face that is as near
+        inside += 1
+    assert inside > 10
+
+
+@pytest.mark.parametrize(('length', 'width'), [(6.0, 0.1), (1.0, 0.02), (0.5, 0.1)])
+def test_poles_that_cross_at_a_small_angle_touch_where_they_meet(length, width):
+    """Lay poles side by side, turned by up to 1.7°: they touch on the surface of both."""
+    rng, twice = np.random.default_rng(10), 0
+    for _ in range(100):
+        poses, turn = draw_poses(rng, 0.0), rng.uniform(0.0, 0.03)
+        across = rotation.rotate(poses[0, 3:], np.array([1.0, 0.0, 0.0]))
+        poses[1, 3:] = rotation.multiply(rotation.from_axis_angle(across, np.array(turn)),
+                                         poses[0, 3:])
+        gap = rng.uniform(-0.2 * width, 0.003)
+        poses[1, :3] += (width + gap) * across
+        pieces, table = two_pieces((ROUND, ROUND), np.full((2, 3), [width, width, length]), poses)
+        rows = touching(pieces, table)
+        np.testing.assert_allclose(rows.gap, gap, atol=1e-6)
+        assert off_surface(pieces, rows) < 2e-3
+        twice += len(rows.gap) == 2
+    assert twice > 90
+
+
+@pytest.mark.parametrize('turn', [0.0, 1.0, 0.5 * np.pi])
+@pytest.mark.parametrize('lengths', [(1.0, 1.0), (0.1, 1.0)])
+def test_poles_whose_axes_meet_part_across_both(lengths, turn):
+    """Let poles cross in an upright plane, and a ball sit on an axis: the way out is a width."""
+    poses = np.tile([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
+    poses[0, 3:] = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(turn))
+    pieces, table = two_pieces((ROUND, ROUND), [[0.1, 0.1, size] for size in lengths], poses)
+    rows = touching(pieces, table)
+    np.testing.assert_allclose(rows.gap, -0.1, atol=1e-9)
+    for axis in pieces.corners[:, 1] - pieces.corners[:, 0]:
+        np.testing.assert_allclose(rows.normal @ axis, 0.0, atol=1e-9)

@@ -40,6 +40,7 @@ from procphys_ros.physics.rigid.vectors import (
     less,
     plus,
     scaled,
+    tangent,
 )
 
 MOST = 4  # points of two pieces
@@ -319,12 +320,13 @@ def _of_two_round(p, q, pieces, margin, points, normal):
     far, both = length(away), pieces.radius[p] + pieces.radius[q]
     if far > both + margin:
         return 0
-    n = scaled(1.0 / far, away) if far > 1e-9 else (0.0, 0.0, 1.0)
-    _turn(normal, n)
     u, v = less(b, a), less(d, c)
+    n = scaled(1.0 / far, away) if far > 1e-9 else _across(u, v)
+    _turn(normal, n)
     size = length(u) * length(v)
     if size > 1e-12 and abs(dot(u, v)) > _ALONG * size:
-        count = _of_parallel(a, u, c, d, n, pieces.radius[p], pieces.radius[q], margin, points)
+        count = _of_parallel(a, u, c, d, one, n, pieces.radius[p], pieces.radius[q], margin,
+                             points)
         if count == 2:
             return count
     _write(points, 0, plus(two, pieces.radius[q] + 0.5 * (far - both), n), far - both)
@@ -332,16 +334,37 @@ def _of_two_round(p, q, pieces, margin, points, normal):
 
 
 @subroutine(**LEAN)
-def _of_parallel(a, u, c, d, n, radius, other, margin, points):
-    """Find the contact points at both ends of the overlap of two parallel round pieces."""
-    uu = dot(u, u)
+def _across(u, v):
+    """Return a unit vector normal to two axes that meet, or to the longer of parallel ones."""
+    way, longer = cross(u, v), u if dot(u, u) > dot(v, v) else v
+    if length(way) > _TILT * length(u) * length(v):
+        return scaled(1.0 / length(way), way)
+    size = length(longer)
+    return tangent(scaled(1.0 / size, longer)) if size > 1e-9 else (0.0, 0.0, 1.0)
+
+
+@subroutine(**LEAN)
+def _of_parallel(a, u, c, d, one, n, radius, other, margin, points):
+    """
+    Find the contact points at both ends of the overlap of two parallel round pieces.
+
+    Long ones that cross at a small angle touch only where they are less than `SLOP` beside each
+    other, as edges do.
+
+    :param one: point of the first axis that is nearest to the second.
+    """
+    uu, v = dot(u, u), less(d, c)
     s, t = dot(u, less(c, a)) / uu, dot(u, less(d, a)) / uu
-    first, last = max(min(s, t), 0.0), min(max(s, t), 1.0)
+    drift = plus(u, -1.0 / (t - s), v)  # of the first against the second, along all of it
+    reach = SLOP / max(length(plus(drift, -dot(drift, n), n)), 1e-9)
+    nearest = dot(u, less(one, a)) / uu
+    first = max(min(s, t), 0.0, nearest - reach)
+    last = min(max(s, t), 1.0, nearest + reach)
     kept = 0
     if first < last:
         for share in (first, last):
             place = plus(a, share, u)
-            near = plus(c, (share - s) / (t - s), less(d, c))
+            near = plus(c, (share - s) / (t - s), v)
             gap = dot(n, less(place, near)) - radius - other
             if gap < margin:
                 _write(points, kept, plus(place, -radius - 0.5 * gap, n), gap)

@@ -311,6 +311,30 @@ def _enters(a, b, corners, normals):
 
 
 @subroutine(**LEAN)
+def _across_edges(a, b, corners, best):
+    """
+    Find the least way out of a solid for an axis inside: by a face, which is given, or an edge.
+
+    A long axis that cuts off an edge is in deep for all faces.
+    """
+    axis, gap, edge, normal = less(b, a), best[0] + CLEARER, EDGE, best[1]
+    for e in range(12):
+        way = _edge(corners, e)
+        if not _are_parallel(axis, way):
+            n = cross(axis, way)
+            n = scaled(1.0 / length(n), n)
+            for side in (n, scaled(-1.0, n)):
+                found = dot(side, a) + _least_along(corners, scaled(-1.0, side))
+                if found > gap:
+                    gap, edge, normal = found, e, side
+    if edge == EDGE:
+        return best
+    edge = _furthest_edge(corners, edge, normal)
+    _, point = between_lines(a, b, at(corners, EDGES[edge, 0]), at(corners, EDGES[edge, 1]))
+    return gap, normal, point, EDGE
+
+
+@subroutine(**LEAN)
 def of_axis(a, b, corners, normals):
     """
     Find the least distance of the axis of a round piece from a solid.
@@ -331,7 +355,7 @@ def of_axis(a, b, corners, normals):
     low = a if dot(normal, a) < dot(normal, b) else b
     best = (gap, normal, plus(low, -gap, normal), face)
     if _enters(a, b, corners, normals):
-        return best
+        return _across_edges(a, b, corners, best)
     least = np.inf
     for f in range(6):
         n = at(normals, f)
