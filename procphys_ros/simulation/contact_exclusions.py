@@ -29,12 +29,12 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import SegmentJoint
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
-_TREE, _FREE = int(Owner.TREE), int(Joint.FREE)  # numba does not read enums
+_TREE, _FREE = int(Owner.TREE), int(SegmentJoint.FREE)  # numba does not read enums
 _HALF = 32  # bits of one of the two numbers of a key
 
 
@@ -113,7 +113,7 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     :param branch: rows that come off, the first one first, (K,).
     :param parents: parent of each row, -1 for roots; parents come first, (S,).
     :param active: simulated rows, (S,) bool.
-    :param joint: `Joint` of each row, (S,).
+    :param joint: `SegmentJoint` of each row, (S,).
     :param poses: (S, 7); `velocities` (S, 6) and `sizes` (S, 3) likewise.
     :returns: their rows, (P,), and the bounds of the branch, (K, 6), and of these, (P, 6).
     """

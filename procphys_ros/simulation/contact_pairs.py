@@ -24,7 +24,7 @@ from procphys_ros.linear import norm
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest
-from procphys_ros.physics.trees.state import Joint, Plan
+from procphys_ros.physics.trees.state import SegmentJoint, TraversalPlan
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.obstacles import (
     Bricks,
@@ -34,7 +34,7 @@ from procphys_ros.simulation.obstacles import (
     of_branches,
 )
 
-_FREE = int(Joint.FREE)  # numba does not read enums
+_FREE = int(SegmentJoint.FREE)  # numba does not read enums
 _AHEAD = 1.5  # steps that bounds are swept over, as in the narrow phase
 _ROOM = 0.004  # [m] around bounds, likewise
 _MOST = 96  # contacts per tree, the nearest; with 48 crowns sink in where they hit hard
@@ -95,7 +95,7 @@ class TreeBounds:
     :ivar trees: the same of whole trees, (T, 6).
     """
 
-    plan: Plan | None = None
+    plan: TraversalPlan | None = None
     segments: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     trees: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
 

@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.physics.trees import Forest
-from procphys_ros.physics.trees.state import Plan
+from procphys_ros.physics.trees.state import TraversalPlan
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.simulation.observer import Observer
@@ -52,7 +52,7 @@ class LodScheduler:
     """
 
     _settings: CullingSettings
-    _plan: Plan | None
+    _plan: TraversalPlan | None
 
     _START = {'due': 0, 'steps': 1, 'asleep': False, 'held': False, 'roused': 0.0,
               'since': np.inf, 'unseen': 0.0, 'quiet': 0.0}

@@ -14,7 +14,8 @@
 
 """Dust: emission by fracture and impacts, and transport by the wind."""
 
-from procphys_ros.physics.dust.cloud import DustCloud, Puffs, State, stokes_speed
+from procphys_ros.physics.dust.cloud import DustCloud, Puffs, stokes_speed
+from procphys_ros.physics.dust.cloud import PuffState as State
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY, lost_energy
 
 __all__ = ['DUST_PER_ENERGY', 'DustCloud', 'lost_energy', 'Puffs', 'State', 'stokes_speed']

@@ -46,7 +46,7 @@ _STILL_MIXING = 0.02  # [m²/s] mixing by falling rubble in still air; our choic
 _THINNEST = 1e-4  # optical depth below which a puff is invisible
 
 
-class State(IntEnum):
+class PuffState(IntEnum):
     """State of a puff."""
 
     GONE = 0      # dispersed, or an unused row
@@ -54,7 +54,7 @@ class State(IntEnum):
     LYING = 2     # settled on the ground, or on a structure
 
 
-_GONE, _LYING = int(State.GONE), int(State.LYING)
+_GONE, _LYING = int(PuffState.GONE), int(PuffState.LYING)
 
 
 class Puffs(NamedTuple):
@@ -91,7 +91,7 @@ class DustCloud:
     :ivar deviation: standard deviation of each puff [m], (C,).
     :ivar mass: [kg], (C,).
     :ivar grain: diameter of its grains [m], (C,).
-    :ivar state: `State`, (C,) uint8.
+    :ivar state: `PuffState`, (C,) uint8.
     :ivar owed: emitted dust that is not yet enough for a puff [kg].
     """
 
@@ -112,7 +112,7 @@ class DustCloud:
     def clear(self) -> None:
         """Remove all dust, and restart the random numbers."""
         self._rng = np.random.default_rng(self._seed)
-        self.state[:] = State.GONE
+        self.state[:] = PuffState.GONE
         self._airborne = False
         self._next = 0
         self._time = 0.0
@@ -169,7 +169,7 @@ class DustCloud:
         self._time += time_step
         if not self._airborne:
             return
-        rows = np.flatnonzero(self.state == State.AIRBORNE)
+        rows = np.flatnonzero(self.state == PuffState.AIRBORNE)
         self._airborne = len(rows) > 0
         air = wind(self.position[rows])
         noise = self._rng.random(dtype=np.float32, out=self._noise[:len(rows)])
@@ -178,9 +178,9 @@ class DustCloud:
 
     def lift(self, skyline: Skyline) -> None:
         """Release settled dust whose supporting structure is gone."""
-        lying = np.flatnonzero(self.state == State.LYING)
+        lying = np.flatnonzero(self.state == PuffState.LYING)
         left = lying[skyline.left_in_the_air(self.position[lying])]
-        self.state[left] = State.AIRBORNE
+        self.state[left] = PuffState.AIRBORNE
         self._airborne |= len(left) > 0
 
     def _bear(self, points: np.ndarray, spread: np.ndarray, mass: float) -> None:
@@ -197,7 +197,7 @@ class DustCloud:
         self.mass[rows] = mass
         self.grain[rows] = np.clip(grain, _FINEST, _COARSEST)
         self._fall[rows] = stokes_speed(self.grain[rows], self._gravity)
-        self.state[rows] = State.AIRBORNE
+        self.state[rows] = PuffState.AIRBORNE
         self._airborne = True
 
 

@@ -29,8 +29,8 @@ from procphys_ros.compilation import subroutine
 from procphys_ros.linear import norm
 from procphys_ros.physics.trees.spatial import INLINE
 
-# Columns of `State.anchor`: spring [N/m], damper [N·s/m], target point of the centre of mass [m],
-# and force there [N]; without a spring, a constant force.
+# Columns of `ForestState.anchor`: spring [N/m], damper [N·s/m], target point of the centre of mass
+# [m], and force there [N]; without a spring, a constant force.
 STIFFNESS, DAMPING, TARGET, FORCE, WIDTH = 0, 1, 2, 5, 8
 
 # Rootlets hold by hairs that stretch by millimetres before they tear off the wall (estimate).
@@ -78,7 +78,7 @@ def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.nda
 def make(climbers: Anchors, parts: np.ndarray, parents: np.ndarray, mass: np.ndarray,
          gravity: np.ndarray) -> np.ndarray:
     """
-    Build `State.anchor` of all rows, without target points, (S, 8).
+    Build `ForestState.anchor` of all rows, without target points, (S, 8).
 
     A host that is a tree receives the force of the last step, which limits the stiffness that is
     stable.
@@ -112,7 +112,7 @@ def forces(table: np.ndarray, places: np.ndarray) -> np.ndarray:
     """
     Compute the forces of anchors on segments, without dampers [N], (K, 3).
 
-    :param table: rows of `State.anchor`, (K, 8).
+    :param table: rows of `ForestState.anchor`, (K, 8).
     :param places: centres of mass of the segments [m], (K, 3).
     """
     return table[:, FORCE:] - table[:, STIFFNESS, None] * (places - table[:, TARGET:FORCE])
@@ -129,8 +129,8 @@ def place(state: Any, table: np.ndarray, parents: np.ndarray) -> None:
     """
     Set the anchors of a forest, and mark the anchored trees; others skip anchors.
 
-    :param state: `State` of the forest.
-    :param table: new `State.anchor`, (S, 8).
+    :param state: `ForestState`.
+    :param table: new `ForestState.anchor`, (S, 8).
     :param parents: row of each row's parent, -1 for roots; parents come first, (S,).
     """
     state.anchor[:] = table
@@ -147,7 +147,7 @@ def cut(table: np.ndarray, rest: np.ndarray, rows: np.ndarray, hosts: np.ndarray
     """
     Release segments, and remove their load from their hosts.
 
-    :param table: `State.anchor`, changed in place, (S, 8); `rest` the same at rest.
+    :param table: `ForestState.anchor`, changed in place, (S, 8); `rest` the same at rest.
     :param rows: of the segments, (K,).
     :param hosts: rows of the host trees, -1 for walls, (K,).
     """

@@ -39,10 +39,10 @@ from procphys_ros.physics.trees.layout import (
     STIFFNESS,
 )
 from procphys_ros.physics.trees.spatial import shift_load
-from procphys_ros.physics.trees.state import Joint, Plan, Scratch, State
+from procphys_ros.physics.trees.state import ForestState, Scratch, SegmentJoint, TraversalPlan
 
-_SPRUNG = int(Joint.SPRUNG)
-_FREE = int(Joint.FREE)
+_SPRUNG = int(SegmentJoint.SPRUNG)
+_FREE = int(SegmentJoint.FREE)
 # A spring k held at F stores F²/2k; with the midpoint rule, in which it acts as a mass of k·dt²/4,
 # it releases up to four times that in one step.
 _IMPLICIT = 4.0
@@ -98,9 +98,10 @@ class ContactResponse:
         return replace(self, **columns, response=response)
 
 
-def predict_response(plan: Plan, entry: np.ndarray, points: np.ndarray, impulses: np.ndarray,
-                     model: tuple, state: State, workspaces: list[Scratch], wind: np.ndarray,
-                     gravity: np.ndarray, dt: float, threads: int) -> ContactResponse:
+def predict_response(plan: TraversalPlan, entry: np.ndarray, points: np.ndarray,
+                     impulses: np.ndarray, model: tuple, state: ForestState,
+                     workspaces: list[Scratch], wind: np.ndarray, gravity: np.ndarray, dt: float,
+                     threads: int) -> ContactResponse:
     """
     Predict motion and response of points in one step; the state is unchanged.
 

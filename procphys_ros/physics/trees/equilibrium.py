@@ -28,9 +28,9 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import integrator, joints, passes, pose
 from procphys_ros.physics.trees.layout import REACH
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import SegmentJoint
 
-_SPRUNG = int(Joint.SPRUNG)
+_SPRUNG = int(SegmentJoint.SPRUNG)
 _FIRST, _GROWTH, _LAST = 0.1, 3.0, 30.0  # [s], [-], [s] first h, its growth factor, last h
 _NEAR = 0.01  # [rad], [m] change in an iteration after which Newton's steps are safe
 _TURNS = 100  # iterations at most, for trees loaded far beyond their strength; others take 8 to 40

@@ -75,9 +75,9 @@ class Forest:
         the last step [N], [N·m], (S, 6), world.
     """
 
-    _model: state.Model
-    _state: state.State
-    _plan: state.Plan
+    _model: state.ForestModel
+    _state: state.ForestState
+    _plan: state.TraversalPlan
     _scratches: list[state.Scratch]
     _stepped: np.ndarray | None
 
@@ -129,7 +129,7 @@ class Forest:
         return len(self.parts)
 
     @property
-    def model(self) -> state.Model:
+    def model(self) -> state.ForestModel:
         """Constants of all rows, read-only; columns are named in `layout`."""
         return self._model
 
@@ -307,7 +307,7 @@ class Forest:
         :param row: root row of the subtree.
         """
         self._disturb(self.parents[row])
-        self._model.joint[row] = state.Joint.FREE
+        self._model.joint[row] = state.SegmentJoint.FREE
         self.parents[row] = -1
         self._state.stop[row] = 0.0
         self._stale = True
@@ -383,7 +383,7 @@ class Forest:
         return subset.masses(self.plan, self._entry[rows], self._model.body)
 
     @property
-    def plan(self) -> state.Plan:
+    def plan(self) -> state.TraversalPlan:
         """Active rows tree by tree, read-only."""
         if self._stale:
             self._replan()
@@ -392,11 +392,11 @@ class Forest:
     @property
     def free_roots(self) -> np.ndarray:
         """Root rows of the released trees that are still active, ascending."""
-        return np.flatnonzero(self.active & (self._model.joint == state.Joint.FREE))
+        return np.flatnonzero(self.active & (self._model.joint == state.SegmentJoint.FREE))
 
     def is_free(self, roots: np.ndarray) -> np.ndarray:
         """Mark the root rows of released trees, (K,) bool."""
-        return self._model.joint[roots] == state.Joint.FREE
+        return self._model.joint[roots] == state.SegmentJoint.FREE
 
     def predict_response(self, rows: np.ndarray, points: np.ndarray, dt: float,
                          wind: np.ndarray | None = None, impulses: np.ndarray | None = None,
@@ -437,7 +437,7 @@ class Forest:
             q = np.where(sprung, bend[:, j], 0.0)
             elastic += np.where(sprung, extra[:, c + EXTRA_STIFFNESS], 0.0) * (q * q)
             preload += extra[:, c + EXTRA_PRELOAD] * q
-        held = self._model.joint[moving] != state.Joint.FREE
+        held = self._model.joint[moving] != state.SegmentJoint.FREE
         return float((0.5 * kinetic - body[:, MASS] * height + anchored).sum()
                      + (0.5 * elastic - preload)[held].sum())
 

@@ -35,10 +35,10 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import anchors, joints, passes, pose
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS, REACH
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import SegmentJoint
 
-_SPRUNG = int(Joint.SPRUNG)
-_FREE = int(Joint.FREE)
+_SPRUNG = int(SegmentJoint.SPRUNG)
+_FREE = int(SegmentJoint.FREE)
 _ATTEMPTS = 4  # solutions per step while limits engage or release; clamping handles the rest
 _PERIOD = 16  # [steps] between projections, staggered over trees
 _MIDPOINT, _IMPLICIT = 0.5, 1.0  # implicitness θ of a step

@@ -20,7 +20,7 @@ from procphys_ros.compilation import threads as pool
 from procphys_ros.physics.trees import equilibrium, integrator, state, subset
 
 
-def step(plan: state.Plan, model: state.Model, columns: state.State,
+def step(plan: state.TraversalPlan, model: state.ForestModel, columns: state.ForestState,
          workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, dt: float,
          threads: int) -> None:
     """
@@ -35,9 +35,10 @@ def step(plan: state.Plan, model: state.Model, columns: state.State,
     run(advance, pool.group_ranges(plan.start, threads), plan, workspaces)
 
 
-def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: state.Model,
-              columns: state.State, workspaces: list[state.Scratch], wind: np.ndarray,
-              gravity: np.ndarray, threads: int) -> None:
+def step_some(plan: state.TraversalPlan, trees: np.ndarray, spans: np.ndarray,
+              model: state.ForestModel, columns: state.ForestState,
+              workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray,
+              threads: int) -> None:
     """Advance some trees, with the result of `subset.step`, to the last bit; see `step`."""
     def advance(place: int, first: int, last: int) -> None:
         subset.step(plan, trees[first:last], spans[first:last], model, columns,
@@ -46,9 +47,9 @@ def step_some(plan: state.Plan, trees: np.ndarray, spans: np.ndarray, model: sta
     run(advance, pool.group_ranges(starts, threads), plan, workspaces)
 
 
-def lean(plan: state.Plan, trees: np.ndarray, model: state.Model, columns: state.State,
-         workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, goal: float,
-         threads: int) -> None:
+def lean(plan: state.TraversalPlan, trees: np.ndarray, model: state.ForestModel,
+         columns: state.ForestState, workspaces: list[state.Scratch], wind: np.ndarray,
+         gravity: np.ndarray, goal: float, threads: int) -> None:
     """Set some trees to their static equilibrium, see `equilibrium.lean` and `step`."""
     def advance(place: int, first: int, last: int) -> None:
         equilibrium.lean(plan, trees[first:last], model, columns, workspaces[place], wind,
@@ -57,7 +58,7 @@ def lean(plan: state.Plan, trees: np.ndarray, model: state.Model, columns: state
     run(advance, pool.group_ranges(starts, threads), plan, workspaces)
 
 
-def run(work: pool.Work, ranges: np.ndarray, plan: state.Plan,
+def run(work: pool.Work, ranges: np.ndarray, plan: state.TraversalPlan,
         workspaces: list[state.Scratch]) -> None:
     """
     Run work on ranges of trees, each with its own workspace.

@@ -59,10 +59,10 @@ from procphys_ros.physics.trees.spatial import (
     write,
     write_load,
 )
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import SegmentJoint
 
-_SPRUNG = int(Joint.SPRUNG)
-_FREE = int(Joint.FREE)
+_SPRUNG = int(SegmentJoint.SPRUNG)
+_FREE = int(SegmentJoint.FREE)
 
 
 @subroutine(**KERNEL)
@@ -71,7 +71,7 @@ def factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, gate
     """
     Load one tree and eliminate its joints from the tips to the root.
 
-    :param frame: pose to linearise about, `State.frame` or `State.middle`.
+    :param frame: pose to linearise about, `ForestState.frame` or `ForestState.middle`.
     :param wind: air velocity at the centres of mass [m/s], (S, 3).
     :param gravity: [m/s²], (3,).
     :param h: implicit time [s]; with 0 only momentum counts, and motions are velocities.

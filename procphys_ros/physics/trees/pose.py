@@ -21,10 +21,10 @@ from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import functions
 from procphys_ros.physics.trees.layout import LIMIT, PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
-from procphys_ros.physics.trees.state import Joint
+from procphys_ros.physics.trees.state import SegmentJoint
 
-_FREE = int(Joint.FREE)
-_SPRUNG = int(Joint.SPRUNG)
+_FREE = int(SegmentJoint.FREE)
+_SPRUNG = int(SegmentJoint.SPRUNG)
 _S3, _S5, _S7, _S9 = -1.0 / 6.0, 1.0 / 120.0, -1.0 / 5040.0, 1.0 / 362880.0
 _C4, _C6, _C8, _C10 = 1.0 / 24.0, -1.0 / 720.0, 1.0 / 40320.0, -1.0 / 3628800.0
 

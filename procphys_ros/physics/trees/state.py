@@ -24,11 +24,11 @@ from procphys_ros.compilation import kernel
 from procphys_ros.physics.trees import anchors, layout
 from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
 
-# Columns of `State.frame`: joint point [m], first and second bending axis, segment axis.
+# Columns of `ForestState.frame`: joint point [m], first and second bending axis, segment axis.
 POINT, FIRST, SECOND, AXIS = 0, 3, 6, 9
 
 
-class Joint(IntEnum):
+class SegmentJoint(IntEnum):
     """Joint between a segment and its parent."""
 
     SWING = 0   # bends in two directions
@@ -36,17 +36,17 @@ class Joint(IntEnum):
     FREE = 2    # none: root of a broken-off tree
 
 
-class Model(NamedTuple):
+class ForestModel(NamedTuple):
     """Constants, one row per segment; columns named in `layout`."""
 
     mount: np.ndarray   # (S, 7)
     body: np.ndarray    # (S, 8)
     swing: np.ndarray   # (S, 5)
     extra: np.ndarray   # (S, 6)
-    joint: np.ndarray   # `Joint`, (S,); changes when a part is released
+    joint: np.ndarray   # `SegmentJoint`, (S,); changes when a part is released
 
 
-class State(NamedTuple):
+class ForestState(NamedTuple):
     """Variables, one row per segment; world axes."""
 
     bend: np.ndarray        # bends about the two axes, twist [rad], stretch [m], (S, 4)
@@ -74,7 +74,7 @@ class Scratch(NamedTuple):
     motion: np.ndarray   # angular and linear velocity over the time, at the joint point, (n, 6)
     kick: np.ndarray     # velocity change by impulses, not over the time, (n, 6)
     jump: np.ndarray     # change of joint rates by impulses, (n, 4)
-    blow: np.ndarray     # impulses that joints transmit, as `State.wrenches`, (n, 6)
+    blow: np.ndarray     # impulses that joints transmit, as `ForestState.wrenches`, (n, 6)
     spin: np.ndarray     # carried spin, rotated with the axis to the middle of the step, (n, 3)
     rate: np.ndarray     # mean joint rates over the step, (n, 4)
     before: np.ndarray   # bends, twist and stretch before the step, (n, 4)
@@ -82,7 +82,7 @@ class Scratch(NamedTuple):
     root: np.ndarray     # equations of a free root, (6, 7)
 
 
-class Plan(NamedTuple):
+class TraversalPlan(NamedTuple):
     """Active rows, tree by tree, parents first."""
 
     row: np.ndarray    # (A,) int
@@ -91,21 +91,21 @@ class Plan(NamedTuple):
     root: np.ndarray   # first row of the tree of each row, active or not, (S,) int
 
 
-def make_model(rows: layout.Rows) -> Model:
+def make_model(rows: layout.Rows) -> ForestModel:
     """Build the model, which shares the arrays of the layout."""
     locked = np.isinf(rows.extra[:, layout.EXTRA_STIFFNESS]) & np.isinf(
         rows.extra[:, layout.EXTRA_STRIDE + layout.EXTRA_STIFFNESS])
-    joint = np.where(locked, Joint.SWING, Joint.SPRUNG).astype(np.uint8)
-    return Model(rows.mount, rows.body, rows.swing, rows.extra, joint)
+    joint = np.where(locked, SegmentJoint.SWING, SegmentJoint.SPRUNG).astype(np.uint8)
+    return ForestModel(rows.mount, rows.body, rows.swing, rows.extra, joint)
 
 
-def make_state(count: int) -> State:
+def make_state(count: int) -> ForestState:
     """Allocate a state at rest; poses are placed later."""
     widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 2, 1, anchors.WIDTH
-    return State(*(np.zeros((count, width)) for width in widths))
+    return ForestState(*(np.zeros((count, width)) for width in widths))
 
 
-def make_scratch(plan: Plan) -> Scratch:
+def make_scratch(plan: TraversalPlan) -> Scratch:
     """Allocate a workspace for the largest tree."""
     size = int(np.diff(plan.start).max(initial=1))
     return Scratch(inertia=np.zeros((size, WIDTH)), factor=np.zeros((size, 4, FACTOR_WIDTH)),
@@ -114,14 +114,14 @@ def make_scratch(plan: Plan) -> Scratch:
                    before=np.zeros((size, 4)), bound=np.zeros(size), root=np.zeros((6, 7)))
 
 
-def make_plan(parent: np.ndarray, active: np.ndarray) -> Plan:
+def make_plan(parent: np.ndarray, active: np.ndarray) -> TraversalPlan:
     """
     Gather the active rows by tree.
 
     :param parent: row of the parent, -1 for roots; parents come first, (S,).
     :param active: (S,) bool; the parent of an active row is active.
     """
-    return Plan(*_gather(parent, active))
+    return TraversalPlan(*_gather(parent, active))
 
 
 @kernel
