@@ -24,7 +24,7 @@ from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import impacts, Simulation
 from procphys_ros.simulation.blows import blows_of, change_by_contacts
-from procphys_ros.simulation.contact_forces import Blow
+from procphys_ros.simulation.contact_forces import PieceBlow
 
 _UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
 _WEIGHTY = 0.05  # of all energy: what has less is not looked at
@@ -123,8 +123,8 @@ def landing(monkeypatch, engine, below, seed):
         if (np.abs(change[awake, :3]).max(axis=1) < 0.5).all():
             return made
         side = np.concatenate([made.contacts.body_a, made.contacts.body_b])
-        blows = [Blow(int(body), state.bodies.parts_of(int(body)), None, 0.0,
-                      np.flatnonzero(side == body)) for body in awake if (side == body).any()]
+        blows = [PieceBlow(int(body), state.bodies.parts_of(int(body)), None, 0.0,
+                           np.flatnonzero(side == body)) for body in awake if (side == body).any()]
         told = {b.body: b.energy for b in impacts._with_contacts(state, blows, made)}
         own, before, after = (motion_energy(
             bodies.mass[awake], bodies.inertia[awake], start[awake, 3:], velocities)

@@ -30,7 +30,7 @@ _BRICK = 0.225       # [m] smallest piece of wall that comes out as one
 _BENDING = 5.0       # bending strength over shear strength, times span over thickness
 
 
-class Patches:
+class BlastPatches:
     """
     Select the pieces of wall that a wave tears out, from the bond forces at its arrival.
 

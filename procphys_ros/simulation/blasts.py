@@ -27,7 +27,7 @@ from procphys_ros.physics.masonry import cells
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.scene.strikes import Explosion
 from procphys_ros.simulation import blast_loads, breaking, glass, masonry
-from procphys_ros.simulation.blast_patches import Patches
+from procphys_ros.simulation.blast_patches import BlastPatches
 from procphys_ros.simulation.masonry import WALL_RATE
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -197,7 +197,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
     momentum = state.blasts.momentum[shaken]
     size = norm(momentum, axis=1)
     speed, way = size / state.parts.mass[shaken], momentum / size[:, None]
-    judge = Patches(model, state, shaken)
+    judge = BlastPatches(model, state, shaken)
     torn = failed = 0
     while torn < _MOST_PATCHES and failed < _MOST_FAILED and (speed > 0.0).any():
         seed = int(np.argmax(speed))

@@ -44,7 +44,7 @@ class BodyContacts(NamedTuple):
     other: np.ndarray
 
 
-class Blow(NamedTuple):
+class PieceBlow(NamedTuple):
     """
     A blow to a piece.
 

@@ -40,7 +40,7 @@ from procphys_ros.simulation.blows import (
     LEAST_JUMP,
     struck_bodies,
 )
-from procphys_ros.simulation.contact_forces import Blow, BodyContacts, spread, turned_back
+from procphys_ros.simulation.contact_forces import BodyContacts, PieceBlow, spread, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.returned_impulses import Begun, give_back
 from procphys_ros.simulation.state import State
@@ -115,7 +115,7 @@ def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
 
 
 def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: float, room: int,
-           share: np.ndarray) -> list[tuple[Blow, Breakage]]:
+           share: np.ndarray) -> list[tuple[PieceBlow, Breakage]]:
     """
     Judge the blows on pieces.
 
@@ -160,7 +160,7 @@ def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: f
     return [(blow, result) for blow, result in zip(judged, results) if len(result.bonds)]
 
 
-def _wrenches(model: Model, state: State, blow: Blow) -> np.ndarray:
+def _wrenches(model: Model, state: State, blow: PieceBlow) -> np.ndarray:
     """Distribute a blow over the parts of its body, in the frame of the blueprint, (P, 6)."""
     parts, contacts = blow.parts, cast(BodyContacts, blow.contacts)
     return spread(contacts, state.parts.local[parts], state.parts.size[parts],
@@ -182,7 +182,7 @@ def _grain(state: State) -> float:
 
 
 def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
-           grain: float) -> Iterator[Blow]:
+           grain: float) -> Iterator[PieceBlow]:
     """
     List the blows that might break a piece, the hardest first.
 
@@ -219,10 +219,10 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
                        / (_LEVER * bodies.radius[chosen]))
     for n in np.flatnonzero(force[chosen] > _SCREEN * least).tolist():
         body = int(chosen[n])
-        yield Blow(body, parts[n], None, 0.0, order[start[body]:start[body + 1]])
+        yield PieceBlow(body, parts[n], None, 0.0, order[start[body]:start[body + 1]])
 
 
-def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
+def _with_contacts(state: State, blows: list[PieceBlow], made: Blows) -> list[PieceBlow]:
     """
     Select the contacts of the blows that have none yet, all at once.
 
@@ -252,7 +252,7 @@ def _with_contacts(state: State, blows: list[Blow], made: Blows) -> list[Blow]:
     return out
 
 
-def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray:
+def _causes(model: Model, blow: PieceBlow, bonds: np.ndarray) -> np.ndarray:
     """Return the causes of broken bonds: tension where a resting piece bends under its weight."""
     if np.isfinite(blow.energy):
         return np.full(len(bonds), Cause.IMPACT)
@@ -260,7 +260,7 @@ def _causes(model: Model, blow: Blow, bonds: np.ndarray) -> np.ndarray:
     return np.where(wood, Cause.BENDING, Cause.TENSION)
 
 
-def _cells(blows: list[Blow], room: int, grain: float) -> list[int]:
+def _cells(blows: list[PieceBlow], room: int, grain: float) -> list[int]:
     """
     Return the number of cells of each piece; below 2 it is not broken.
 

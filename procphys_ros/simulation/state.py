@@ -31,7 +31,7 @@ from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
 from procphys_ros.scene import SceneObject
-from procphys_ros.simulation.contact_forces import Blow, BodyContacts
+from procphys_ros.simulation.contact_forces import BodyContacts, PieceBlow
 from procphys_ros.simulation.contact_pairs import TreeBounds, TreeContacts
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import MomentumLedger
@@ -207,7 +207,7 @@ class RubbleState:
     given: np.ndarray
     velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
-    waiting: list[Blow] = field(default_factory=list)
+    waiting: list[PieceBlow] = field(default_factory=list)
     since: float = 0.0
     borne: dict[int, tuple[np.ndarray, tuple[BodyContacts, ...]]] = field(default_factory=dict)
     unsampled: float = 0.0

@@ -19,7 +19,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from procphys_ros.simulation.contact_forces import Blow, BodyContacts, turned_back
+from procphys_ros.simulation.contact_forces import BodyContacts, PieceBlow, turned_back
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
@@ -35,7 +35,7 @@ _SAMPLES = 5      # in a lasting mean: 0.25 s are some periods of a storey-high 
 
 
 def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
-                dt: float) -> list[Blow]:
+                dt: float) -> list[PieceBlow]:
     """
     List the pieces that lasting contact forces, from below and above, might break.
 
@@ -66,7 +66,8 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
             parts, before = known.members[body], ()
         samples[body] = parts, (*before, contacts)[-_SAMPLES:]
         if len(samples[body][1]) == _SAMPLES and body not in waits:
-            due.append(Blow(body, parts, _mean(samples.pop(body)[1]), np.inf, np.zeros(0, int)))
+            due.append(PieceBlow(body, parts, _mean(samples.pop(body)[1]), np.inf,
+                                 np.zeros(0, int)))
     own.borne = samples
     return due
 

@@ -114,12 +114,12 @@ def blast_boxes(point: Sequence[float], charge: float, poses: np.ndarray, sizes:
 class _Loads(NamedTuple):
     """Impulse [N·s] and largest force [N] of one wave on patches of faces, (K, 3) each."""
 
-    patches: faces.Patches
+    patches: faces.FacePatches
     impulse: np.ndarray
     force: np.ndarray
 
 
-def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.Patches,
+def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.FacePatches,
           sight: Sight, fronts: np.ndarray | None, outer: np.ndarray) -> _Loads:
     """Compute the loads of the wave of a charge, or of an image of it, on exposed patches."""
     one_sided = outer[patches.owner, patches.face]

@@ -27,7 +27,7 @@ _MOST_PATCHES = 8  # along one edge of a face
 
 
 @dataclass(frozen=True)
-class Patches:
+class FacePatches:
     """
     Pieces of faces, one row each.
 
@@ -44,10 +44,10 @@ class Patches:
     normal: np.ndarray
     area: np.ndarray
 
-    def take(self, rows: np.ndarray) -> 'Patches':
+    def take(self, rows: np.ndarray) -> 'FacePatches':
         """Select patches, (K,) indices or a mask."""
-        return Patches(self.owner[rows], self.face[rows], self.centre[rows], self.normal[rows],
-                       self.area[rows])
+        return FacePatches(self.owner[rows], self.face[rows], self.centre[rows], self.normal[rows],
+                           self.area[rows])
 
 
 def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarray:
@@ -57,7 +57,7 @@ def facing(poses: np.ndarray, sizes: np.ndarray, point: np.ndarray) -> np.ndarra
 
 
 def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
-        patch: float = _PATCH) -> Patches:
+        patch: float = _PATCH) -> FacePatches:
     """
     Divide faces of boxes into patches.
 
@@ -68,7 +68,7 @@ def cut(poses: np.ndarray, sizes: np.ndarray, wanted: np.ndarray,
     """
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     counts = np.clip(np.ceil(sizes / patch), 1, _MOST_PATCHES).astype(np.int64)
-    return Patches(*_cut(poses, rotation.to_matrix(poses[:, 3:]), sizes, counts, wanted))
+    return FacePatches(*_cut(poses, rotation.to_matrix(poses[:, 3:]), sizes, counts, wanted))
 
 
 @kernel
@@ -102,7 +102,7 @@ def _cut(poses, axes, sizes, counts, wanted):
     return owner, faces, centre, normal, area
 
 
-def gather(patches: Patches, loads: np.ndarray, centres: np.ndarray) -> tuple:
+def gather(patches: FacePatches, loads: np.ndarray, centres: np.ndarray) -> tuple:
     """
     Sum loads on patches per box.
 

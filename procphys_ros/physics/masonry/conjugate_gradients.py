@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.physics.masonry import links, pcg
 from procphys_ros.physics.masonry.coarse import CoarseSpace
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.islands import Islands
+from procphys_ros.physics.masonry.islands import BondIslands
 
 _AGGREGATE = 8  # parts per aggregate: cheapest sum of iterations and coarse solves (bench)
 _CONFINED = 16  # the same for sets of parts, whose coarse spaces serve one step (decision 57)
@@ -45,7 +45,7 @@ class ConjugateGradients:
     coarse: CoarseSpace | None
     _space: CoarseSpace | None
     _columns: tuple[np.ndarray, np.ndarray] | None
-    islands: Islands
+    islands: BondIslands
 
     def __init__(self, graph: BondGraph):
         self._graph = graph
@@ -77,7 +77,7 @@ class ConjugateGradients:
                        if len(parts) else None)
         self.fresh = True
 
-    def begin(self, islands: Islands) -> None:
+    def begin(self, islands: BondIslands) -> None:
         """Start the iterations of islands anew."""
         self.islands, self._space = islands, self.coarse
         self._columns = None
@@ -86,7 +86,7 @@ class ConjugateGradients:
                          np.concatenate([[0], np.cumsum(curved)])[islands.bond])
         self._products = np.zeros(len(islands.part) - 1)
 
-    def confine(self, sets: Islands) -> None:
+    def confine(self, sets: BondIslands) -> None:
         """Start the iterations of sets of parts anew, with all other parts held fixed."""
         graph = self._graph
         self.begin(sets)

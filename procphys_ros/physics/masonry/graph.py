@@ -60,7 +60,7 @@ class BondGraph:
     """
 
     mortar: Mortar
-    pieces: members.Pieces
+    pieces: members.MemberPieces
 
     def __init__(self, blueprint: Blueprint):
         self._take_parts(blueprint)

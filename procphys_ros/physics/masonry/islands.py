@@ -23,7 +23,7 @@ from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
 
 
-class Islands(NamedTuple):
+class BondIslands(NamedTuple):
     """
     Islands to be solved; the parts of island i are `parts[part[i]:part[i + 1]]`.
 
@@ -42,7 +42,7 @@ class Islands(NamedTuple):
         return self.bonds[graph.cracked[self.bonds]]
 
 
-def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> Islands:
+def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> BondIslands:
     """
     List the supported islands in which a nodal residual is too large.
 
@@ -50,8 +50,8 @@ def out_of_balance(equilibrium: Equilibrium, sizes: np.ndarray, goal: float) -> 
     :param goal: largest tolerated residual [N].
     """
     graph = equilibrium.graph
-    return Islands(*_gather(sizes, goal, equilibrium.labels, equilibrium.supported, graph.first,
-                            graph.second, graph.alive))
+    return BondIslands(*_gather(sizes, goal, equilibrium.labels, equilibrium.supported,
+                                graph.first, graph.second, graph.alive))
 
 
 @kernel

@@ -24,7 +24,7 @@ from procphys_ros.linear import norm
 _STRAIGHT = 0.99  # least cosine between the normals of two joints and the line between them
 
 
-class Pieces(NamedTuple):
+class MemberPieces(NamedTuple):
     """
     Pieces of members seen from each of their two joints, a row per joint and piece.
 
@@ -39,7 +39,7 @@ class Pieces(NamedTuple):
 
 
 def pieces(rows: np.ndarray, pair: tuple[np.ndarray, np.ndarray], count: int,
-           centroid: np.ndarray, axes: np.ndarray) -> Pieces:
+           centroid: np.ndarray, axes: np.ndarray) -> MemberPieces:
     """
     Find the parts that lie in line between two reinforced bonds.
 
@@ -66,10 +66,10 @@ def pieces(rows: np.ndarray, pair: tuple[np.ndarray, np.ndarray], count: int,
         found += [(one, one + step), (one + step, one)]
     near, far = (np.concatenate([pair[k] for pair in found] or [np.zeros(0, np.intp)])
                  for k in range(2))
-    return Pieces(bond[near], bond[far], sign[near], sign[far])
+    return MemberPieces(bond[near], bond[far], sign[near], sign[far])
 
 
-def with_largest_moments(within: Pieces, alive: np.ndarray, centroid: np.ndarray,
+def with_largest_moments(within: MemberPieces, alive: np.ndarray, centroid: np.ndarray,
                          axes: np.ndarray, wrench: np.ndarray) -> np.ndarray:
     """
     Return the wrenches of bonds with the largest moments of the half pieces beside them.

@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry import links, subdomains
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
-from procphys_ros.physics.masonry.islands import Islands
+from procphys_ros.physics.masonry.islands import BondIslands
 
 _FORCING = 0.1    # of the residual at the start: tolerance of the linear solve of a step
 _ITERATIONS = 60  # of conjugate gradients per step: the tangents are out of date by then
@@ -34,7 +34,7 @@ _TRIES = 40       # of the line search
 _FURTHEST = 0.5  # [m] largest motion of a part in one step: parts that reach it are a mechanism
 
 
-class Step:
+class NewtonStep:
     """
     One step from a state whose true forces and tangents are known.
 
@@ -56,10 +56,10 @@ class Step:
     :ivar fresh: whether no part has moved since the start.
     """
 
-    islands: Islands
+    islands: BondIslands
     _start: tuple[np.ndarray, np.ndarray] | None
 
-    def __init__(self, equilibrium: Equilibrium, islands: Islands, size: float,
+    def __init__(self, equilibrium: Equilibrium, islands: BondIslands, size: float,
                  confined: bool = False):
         self.islands, self.size, self.confined = islands, size, confined
         self.rows = islands.cracked(equilibrium.graph)
@@ -73,10 +73,10 @@ class Step:
     def straight(cls, equilibrium: Equilibrium) -> Self:
         """Return the only step of a linear problem; it needs no line search."""
         none, begin = np.zeros(0, np.int64), np.zeros(1, np.int64)
-        return cls(equilibrium, Islands(none, none, begin, begin), 0.0)
+        return cls(equilibrium, BondIslands(none, none, begin, begin), 0.0)
 
-    def next(self, equilibrium: Equilibrium, islands: Islands, target: float,
-             tolerance: float) -> 'Step':
+    def next(self, equilibrium: Equilibrium, islands: BondIslands, target: float,
+             tolerance: float) -> 'NewtonStep':
         """
         Start another step at the end of this one: on the worst subdomain alone, or on all parts.
 
@@ -93,7 +93,7 @@ class Step:
         goal = max(_FORCING * size, 0.5 * target)
         if goal > _ROUGH * tolerance and not (self.confined and size > _LESSENED * self.size):
             near = subdomains.furthest_off(equilibrium.graph, islands, sizes, goal)
-        return Step(equilibrium, near or islands, size, near is not None)
+        return NewtonStep(equilibrium, near or islands, size, near is not None)
 
     @property
     def curved(self) -> bool:

@@ -24,9 +24,9 @@ from procphys_ros.physics.masonry import strength, tolerances
 from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.islands import Islands, out_of_balance
+from procphys_ros.physics.masonry.islands import BondIslands, out_of_balance
 from procphys_ros.physics.masonry.joints import CREEP, PLAY, Reach
-from procphys_ros.physics.masonry.newton import Step
+from procphys_ros.physics.masonry.newton import NewtonStep
 from procphys_ros.physics.masonry.superposition import Superposition
 
 _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a converged state
@@ -65,8 +65,8 @@ class StressSolver:
     equilibrium: Equilibrium
     _gradients: ConjugateGradients
     _past: Superposition
-    _step: Step
-    _islands: Islands
+    _step: NewtonStep
+    _islands: BondIslands
 
     def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
                  tolerance: float | None = None):
@@ -124,7 +124,7 @@ class StressSolver:
     def _begin_at_displacements(self) -> None:
         """Restart at the present displacements; the caller updates blocks and coarse space."""
         equilibrium, graph = self.equilibrium, self.graph
-        self._step, self._begun, self._target = Step.straight(equilibrium), False, 0.0
+        self._step, self._begun, self._target = NewtonStep.straight(equilibrium), False, 0.0
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
         self.sound, self.goal = self.displacement.copy(), self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
@@ -307,7 +307,7 @@ class StressSolver:
     def _begin(self) -> None:
         """Start a step of Newton's method at the present displacements."""
         rows = self._islands.cracked(self.graph)
-        self._begun, self._step = True, Step.straight(self.equilibrium)
+        self._begun, self._step = True, NewtonStep.straight(self.equilibrium)
         if len(rows):
             self._linearise(rows)
             self._next_step()

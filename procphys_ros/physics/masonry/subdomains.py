@@ -25,7 +25,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.islands import Islands
+from procphys_ros.physics.masonry.islands import BondIslands
 
 _LARGE = 6000       # parts: least size of islands for subdomains to pay off
 _CARRIES = 0.5      # of the target residual of a step: least residual of seed parts
@@ -33,8 +33,8 @@ _RINGS = 2          # bonds: largest distance of other parts in a subdomain from
 _MOST = 1.0 / 3.0   # of all parts: beyond this a step on all parts costs little more
 
 
-def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
-                 goal: float) -> Islands | None:
+def furthest_off(graph: BondGraph, islands: BondIslands, sizes: np.ndarray,
+                 goal: float) -> BondIslands | None:
     """
     Find the subdomains that a step over cracked joints is confined to; None for all parts.
 
@@ -51,7 +51,7 @@ def furthest_off(graph: BondGraph, islands: Islands, sizes: np.ndarray,
     around = graph.start, graph.incident, graph.alive, graph.first, graph.second
     if not _surround(seeds, _RINGS, int(_MOST * len(islands.parts)), *around, inside):
         return None
-    return Islands(*_gather(inside, *around))
+    return BondIslands(*_gather(inside, *around))
 
 
 @kernel
@@ -80,7 +80,7 @@ def _surround(seeds, rings, most, start, incident, alive, first, second, inside)
 
 @kernel
 def _gather(inside, start, incident, alive, first, second):
-    """List parts and bonds set by set, both in ascending order; see `Islands`."""
+    """List parts and bonds set by set, both in ascending order; see `BondIslands`."""
     count, total = len(inside), 0
     open_ = np.zeros(count + 1, np.bool_)  # the last entry is the ground
     for i in range(count):

@@ -35,7 +35,7 @@ EDGES = np.array([[0, 1], [2, 3], [4, 5], [6, 7], [0, 2], [1, 3], [4, 6], [5, 7]
                   [2, 6], [3, 7]])
 
 
-class Pieces(NamedTuple):
+class PieceRows(NamedTuple):
     """
     Columns of collision shapes, a row each.
 
@@ -68,12 +68,12 @@ class Pieces(NamedTuple):
     bounds: np.ndarray
 
 
-def no_pieces(count: int) -> Pieces:
+def no_pieces(count: int) -> PieceRows:
     """Allocate columns for pieces."""
-    return Pieces(np.full(count, -1), np.zeros(count, np.int64), np.zeros((count, 3)),
-                  np.zeros((count, 7)), np.zeros((count, 24)), np.zeros((count, 3)),
-                  np.zeros((count, 3, 3)), np.zeros((count, 8, 3)), np.zeros((count, 6, 3)),
-                  np.zeros(count), np.zeros(count), np.zeros((count, 6)))
+    return PieceRows(np.full(count, -1), np.zeros(count, np.int64), np.zeros((count, 3)),
+                     np.zeros((count, 7)), np.zeros((count, 24)), np.zeros((count, 3)),
+                     np.zeros((count, 3, 3)), np.zeros((count, 8, 3)), np.zeros((count, 6, 3)),
+                     np.zeros(count), np.zeros(count), np.zeros((count, 6)))
 
 
 @kernel

@@ -32,7 +32,7 @@ from procphys_ros.physics.rigid.contacts import (
 )
 from procphys_ros.physics.rigid.islands import Islands, upwards
 from procphys_ros.physics.rigid.joints import along_chains, JointRows, no_joints
-from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, Pieces, place, ROUND
+from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, PieceRows, place, ROUND
 from procphys_ros.physics.rigid.reduction import spanning
 from procphys_ros.physics.rigid.solver import efforts, follow, MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -133,8 +133,8 @@ class NativeEngine:
         need = self._used + int(count.sum())
         if need > len(self._pieces.body):
             room = no_pieces(need)
-            self._pieces = Pieces(*(np.concatenate([column[:self._used], more]) for column, more
-                                    in zip(self._pieces, room)))
+            self._pieces = PieceRows(*(np.concatenate([column[:self._used], more]) for column, more
+                                       in zip(self._pieces, room)))
         if len(self._first) < len(self._table.state):
             more = np.zeros(len(self._table.state) - len(self._first), np.int64)
             self._first = np.concatenate([self._first, more])
@@ -395,7 +395,7 @@ class NativeEngine:
 
     def _find(self, rows: np.ndarray, time_step: float) -> ContactRows:
         table, pieces = self._table, self._pieces
-        live = Pieces(*(column[:self._used] for column in pieces))
+        live = PieceRows(*(column[:self._used] for column in pieces))
         pairs = self._pairs(rows, live)
         lands = ((table.state[live.body[rows]] == BodyState.AWAKE)
                  & (table.state[0] == BodyState.GROUND))  # the ground can be removed
@@ -413,7 +413,7 @@ class NativeEngine:
         parts = [found[place] for place in sorted(found)]
         return parts[0] if len(parts) == 1 else ContactRows(*map(np.concatenate, zip(*parts)))
 
-    def _pairs(self, rows: np.ndarray, pieces: Pieces) -> np.ndarray:
+    def _pairs(self, rows: np.ndarray, pieces: PieceRows) -> np.ndarray:
         """List the pairs of pieces that may collide as keys, ascending, (K,)."""
         table = self._table
         moves = np.where(table.state == BodyState.AWAKE, 2, table.state == BodyState.KINEMATIC)

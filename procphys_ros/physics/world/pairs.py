@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.physics.rigid.contacts import split_key
-from procphys_ros.physics.rigid.pieces import Pieces
+from procphys_ros.physics.rigid.pieces import PieceRows
 from procphys_ros.physics.touch import overlaps
 
 _ROOM = 0.01  # [m] margin around pieces in which they move without an update of their pairs
@@ -41,7 +41,7 @@ class PairList:
         """Invalidate all pairs after pieces were added, removed or placed elsewhere."""
         self._around = self._around[:0]
 
-    def near(self, rows: np.ndarray, way: np.ndarray, pieces: Pieces, moves: np.ndarray,
+    def near(self, rows: np.ndarray, way: np.ndarray, pieces: PieceRows, moves: np.ndarray,
              excluded: np.ndarray) -> np.ndarray:
         """
         List the keys of pairs whose bounds overlap, ascending, (K,).
