@@ -20,7 +20,7 @@ import re
 import pytest
 
 from procphys_ros.errors import CommandError
-from procphys_ros.ros.posix_pattern import Pattern
+from procphys_ros.ros.posix_pattern import PosixPattern
 
 NAMES = [f'oak_{i}' for i in range(5000)]
 HOSTILE = ['^(a|a)*b', '(a+)+b', '((a*)*)*b', '(a|aa)+$b', '(x?){30}x{30}', '([a-z0-9_]?){400}Z',
@@ -52,7 +52,7 @@ def test_what_is_found_is_what_python_finds(seed):
     chance = random.Random(seed)
     for _ in range(150):
         text = '|'.join(written(chance, 3) for _ in range(chance.randint(1, 2)))
-        pattern = Pattern(text)
+        pattern = PosixPattern(text)
         for _ in range(8):
             name = ''.join(chance.choices('ab_1.]-', k=chance.randint(0, 6)))
             assert pattern.is_in(name) == bool(re.search(text, name)), (text, name)
@@ -65,7 +65,7 @@ def test_what_is_found_is_what_python_finds(seed):
     ('[[:xdigit:]]{2}', []), ('[[:upper:]]|[[:blank:]]', ['Fir 2'])])
 def test_expressions_of_posix_are_read(text, fitting):
     """Take classes, sets, intervals, groups and anchors."""
-    pattern = Pattern(text)
+    pattern = PosixPattern(text)
     assert [name for name in ('oak_1', 'Fir 2') if pattern.is_in(name)] == fitting
 
 
@@ -81,7 +81,7 @@ def test_expressions_of_posix_are_read(text, fitting):
 def test_what_is_no_expression_is_refused(text, reason):
     """Say what is wrong."""
     with pytest.raises(CommandError, match=f'is no regular expression: .*{reason}'):
-        Pattern(text)
+        PosixPattern(text)
 
 
 @pytest.mark.timeout(60)  # none takes half a second; Python's `re` needs years for some
@@ -92,7 +92,7 @@ def test_what_is_no_expression_is_refused(text, reason):
 def test_no_expression_holds_anything_up(text, names):
     """Answer or refuse at once, for all patterns and names of objects."""
     try:
-        pattern = Pattern(text)
+        pattern = PosixPattern(text)
         for name in names:
             pattern.is_in(name)
     except CommandError as error:

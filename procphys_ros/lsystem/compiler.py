@@ -29,14 +29,14 @@ from procphys_ros.lsystem.derivation import Derivation
 from procphys_ros.lsystem.inclusion import gather_statements
 from procphys_ros.lsystem.modules import Vocabulary
 from procphys_ros.lsystem.rewriting import RuleSet
-from procphys_ros.lsystem.rules import Produced, Rule, RuleCompiler
+from procphys_ros.lsystem.rules import Produced, Production, RuleCompiler
 from procphys_ros.lsystem.statements import RULE_SECTIONS, Statement
 from procphys_ros.lsystem.symbols import arity_message, SYMBOLS
 from procphys_ros.lsystem.syntax import parse_statement
 from procphys_ros.palette import is_known, LOOKS
 
 
-class Grammar(NamedTuple):
+class CompiledGrammar(NamedTuple):
     """
     A compiled grammar.
 
@@ -66,7 +66,7 @@ _RESERVED = ('self', 'steps', 'seed')  # defines are overridden by keyword
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _SectionReader:
     """Statements of one text, by section."""
 
     source: str
@@ -127,7 +127,7 @@ class _Reader:
 
 
 def compile_grammar(text: str, source: str, max_modules: int,
-                    folder: Path | None = None) -> Grammar:
+                    folder: Path | None = None) -> CompiledGrammar:
     """
     Compile a whole grammar.
 
@@ -137,7 +137,7 @@ def compile_grammar(text: str, source: str, max_modules: int,
     :param folder: searched first for included files.
     :raises GrammarError: for statements that cannot be read or contradict each other.
     """
-    reader = _Reader(source, gather_statements(text, source, folder))
+    reader = _SectionReader(source, gather_statements(text, source, folder))
     defines = reader.defines()
     names = [name for name, _ in defines]
     declared = {name for name, _ in reader.words('module')}
@@ -158,14 +158,14 @@ def compile_grammar(text: str, source: str, max_modules: int,
     for rule in rules['production']:
         _check_ignored(rule, ignored, compiler.vocabulary)
     sets = [RuleSet(rules[section], ignored, max_modules) for section in RULE_SECTIONS]
-    return Grammar(
+    return CompiledGrammar(
         source, reader.name(), defines, reader.value('derivation length', names),
         reader.value('angle', names), reader.value('maximum depth', names),
         reader.textures(),
         Derivation(start, compiler.vocabulary, *sets), compiler.origins)
 
 
-def _skipped_names(reader: _Reader, compiler: RuleCompiler):
+def _skipped_names(reader: _SectionReader, compiler: RuleCompiler):
     """Make the predicate for names that contexts skip."""
     ignored = [name for tree, at in reader.trees('ignore')
                for name in compiler.names(tree, at.line)]
@@ -178,14 +178,14 @@ def _skipped_names(reader: _Reader, compiler: RuleCompiler):
     return lambda name: name in ignored
 
 
-def _check_contexts(rules: dict[str, list[Rule]]) -> None:
+def _check_contexts(rules: dict[str, list[Production]]) -> None:
     for section in ('decomposition', 'interpretation'):
         for rule in rules[section]:
             if rule.left or rule.right:
                 raise rule.place.error(f'rules under "{section}:" have no contexts')
 
 
-def _check_ignored(rule: Rule, ignored: np.ndarray, vocabulary: Vocabulary) -> None:
+def _check_ignored(rule: Production, ignored: np.ndarray, vocabulary: Vocabulary) -> None:
     for key in (*rule.left, *rule.right):
         if key >= 0 and ignored[key]:
             raise rule.place.error(f'the context names {vocabulary.names[key]}, '
@@ -193,7 +193,7 @@ def _check_ignored(rule: Rule, ignored: np.ndarray, vocabulary: Vocabulary) -> N
 
 
 def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
-                    rules: dict[str, list[Rule]]) -> None:
+                    rules: dict[str, list[Production]]) -> None:
     """Check for misspelt words, and known symbols with a wrong number of parameters."""
     every = [rule for section in RULE_SECTIONS for rule in rules[section]]
     replaced = {rule.predecessor for rule in every}
@@ -209,7 +209,7 @@ def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],
 
 
 def _warn_of_strangers(compiler: RuleCompiler, axiom: tuple[Produced, ...],
-                       rules: dict[str, list[Rule]]) -> None:
+                       rules: dict[str, list[Production]]) -> None:
     """Warn of single letters without a meaning, and of rules that never match a module."""
     vocabulary = compiler.vocabulary
     every = [rule for section in RULE_SECTIONS for rule in rules[section]]

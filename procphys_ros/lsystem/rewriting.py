@@ -26,13 +26,13 @@ from procphys_ros.compilation import kernel
 from procphys_ros.language import Value
 from procphys_ros.lsystem.contexts import follow_tree, match_left, match_right
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.rules import check_weight, Rule
+from procphys_ros.lsystem.rules import check_weight, Production
 
 
 class _Match(NamedTuple):
     """Match of a rule: rows (N,) and the values of the names in its expressions."""
 
-    rule: Rule
+    rule: Production
     rows: np.ndarray
     values: dict
 
@@ -48,7 +48,7 @@ class Rewritten(NamedTuple):
 
     modules: Modules
     fresh: np.ndarray
-    applied: Rule | None
+    applied: Production | None
 
 
 @kernel
@@ -73,7 +73,7 @@ class RuleSet:
     :ivar max_modules: longest string allowed.
     """
 
-    rules: Sequence[Rule]
+    rules: Sequence[Production]
     ignored: np.ndarray
     max_modules: int
 
@@ -150,7 +150,7 @@ def _write_successors(match: _Match, to: np.ndarray, to_values: np.ndarray, key:
             offset += 1
 
 
-def _choose(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.ndarray,
+def _choose(rules: Sequence[Production], rows: np.ndarray, modules: Modules, starts: np.ndarray,
             tree: tuple | None, defines: Mapping[str, float],
             generator: np.random.Generator) -> list[_Match]:
     """Choose the first rule that fits each row, or draw one among alternatives."""
@@ -184,7 +184,7 @@ def _select(values: dict, chosen: np.ndarray) -> dict:
     return {n: v[chosen] if isinstance(v, np.ndarray) else v for n, v in values.items()}
 
 
-def _fit(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.ndarray,
+def _fit(rules: Sequence[Production], rows: np.ndarray, modules: Modules, starts: np.ndarray,
          tree: tuple | None, defines: Mapping[str, float]) -> tuple[np.ndarray, list[dict]]:
     """Match the contexts that the rules share, and gather the parameters for each rule."""
     rule = rules[0]
@@ -207,7 +207,7 @@ def _fit(rules: Sequence[Rule], rows: np.ndarray, modules: Modules, starts: np.n
     return good, gathered
 
 
-def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
+def _draw(rules: Sequence[Production], values: Sequence[dict], count: int,
           generator: np.random.Generator) -> np.ndarray:
     """Draw the index of the rule for each row, -1 where no condition is true, (N,)."""
     weights = np.zeros((len(rules), count))
@@ -224,7 +224,7 @@ def _draw(rules: Sequence[Rule], values: Sequence[dict], count: int,
     return np.where(limits[-1] > 0.0, np.argmax(limits > drawn, axis=0), -1)
 
 
-def _weigh(rule: Rule, values: dict, count: int, generator: np.random.Generator) -> Value:
+def _weigh(rule: Production, values: dict, count: int, generator: np.random.Generator) -> Value:
     """Evaluate the weight of a rule where its condition holds."""
     if rule.weight is None:
         return 1.0

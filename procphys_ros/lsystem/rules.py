@@ -62,7 +62,7 @@ class Produced:
 
 
 @dataclass(frozen=True)
-class Rule:
+class Production:
     """
     A compiled production.
 
@@ -119,7 +119,7 @@ class RuleCompiler:
         self.source = source
         return self
 
-    def rule(self, tree: Tree, line: int) -> Rule:
+    def rule(self, tree: Tree, line: int) -> Production:
         """
         Compile one production.
 
@@ -150,7 +150,7 @@ class RuleCompiler:
             if names.count(name) > 1:
                 raise place.error(f'parameter "{name}" stands twice before the arrow')
         known = {*names, *self.defines}
-        return Rule(
+        return Production(
             self._label(strict[0], [f[0] for f in strict_formals]), place, strict[0],
             tuple(reversed(left)), tuple(right), tuple(formals),
             self._optional(condition, line, known), self.produced(successor, line, known),

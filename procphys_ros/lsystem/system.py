@@ -31,7 +31,7 @@ from procphys_ros.language import (
     read_text,
     resolve_defines,
 )
-from procphys_ros.lsystem.compiler import compile_grammar, Grammar
+from procphys_ros.lsystem.compiler import compile_grammar, CompiledGrammar
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
 
@@ -47,7 +47,7 @@ class LSystem:
     :ivar grammar: its rules and settings.
     """
 
-    grammar: Grammar
+    grammar: CompiledGrammar
 
     @classmethod
     def parse(cls, text: str, source: str = '<text>', max_modules: int = MAX_MODULES,

@@ -52,7 +52,7 @@ class _Characters:
 _Code = list[_Characters | str | tuple[int, ...]]
 
 
-class Pattern:
+class PosixPattern:
     r"""
     Search for an expression in names.
 
@@ -62,7 +62,7 @@ class Pattern:
 
     def __init__(self, text: str):
         self._text = text
-        self._code = _Reader(text).read()
+        self._code = _PatternReader(text).read()
         self._work = 0
         self._known: dict[tuple[frozenset[int], bool, str], frozenset[int] | None] = {}
 
@@ -110,7 +110,7 @@ class Pattern:
         return frozenset(following)
 
 
-class _Reader:
+class _PatternReader:
     """Compile an expression to instructions; a stack holds those of open brackets."""
 
     def __init__(self, text: str):

@@ -33,7 +33,7 @@ from procphys_ros import messages
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS, Replies
-from procphys_ros.ros.posix_pattern import Pattern
+from procphys_ros.ros.posix_pattern import PosixPattern
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
 from procphys_ros.schema import short
@@ -289,7 +289,7 @@ class SimulationInterfacesServer:
         :raises CommandError: if a filter is invalid.
         """
         entities = self._entities()
-        pattern = Pattern(filters.filter)
+        pattern = PosixPattern(filters.filter)
         category = self._types.EntityCategory.CATEGORY_OBJECT
         if len(filters.categories) and category not in [c.category for c in filters.categories]:
             return []

@@ -31,7 +31,7 @@ from procphys_ros.blueprint import (
 )
 from procphys_ros.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
-from procphys_ros.wallgrammar.contacts import Contacts
+from procphys_ros.wallgrammar.contacts import FaceContacts
 from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
@@ -67,7 +67,7 @@ class Patches:
     reach: np.ndarray
 
 
-def from_contacts(contacts: Contacts, boxes: Boxes, frames: np.ndarray) -> Patches:
+def from_contacts(contacts: FaceContacts, boxes: Boxes, frames: np.ndarray) -> Patches:
     """
     Turn face contacts into patches; each lies in the middle of its joint.
 

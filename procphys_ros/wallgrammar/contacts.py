@@ -24,7 +24,7 @@ _BUCKET = 250_000  # [µm] side of a grid square: about one brick, so few candid
 _LEAST = 12_000    # [µm] narrower laps hold nothing, unless the parts themselves are as thin
 
 
-class Contacts(NamedTuple):
+class FaceContacts(NamedTuple):
     """
     Contacts between faces; the first part is on the low side.
 
@@ -51,7 +51,7 @@ def spread(count: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return group, np.arange(len(group)) - np.repeat(np.cumsum(count) - count, count)
 
 
-def find(boxes: Boxes) -> Contacts:
+def find(boxes: Boxes) -> FaceContacts:
     """
     Find all faces that meet: opposite faces of two cells in one plane, with boxes that overlap.
 
@@ -63,10 +63,10 @@ def find(boxes: Boxes) -> Contacts:
     """
     cell_low, cell_high = boxes.cells
     found = [_along(boxes, cell_low, cell_high, axis) for axis in range(3)]
-    return Contacts(*(np.concatenate(column) for column in zip(*found)))
+    return FaceContacts(*(np.concatenate(column) for column in zip(*found)))
 
 
-def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int) -> Contacts:
+def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int) -> FaceContacts:
     across = [a for a in range(3) if a != axis]
     ahead, behind = _same_planes(boxes.frame, cell_high[:, axis], cell_low[:, axis])
     cut = boxes.form >= 0
@@ -82,7 +82,7 @@ def _along(boxes: Boxes, cell_low: np.ndarray, cell_high: np.ndarray, axis: int)
     first, second, low, high = first[keep], second[keep], low[keep], high[keep]
     low[:, axis] = boxes.high[first, axis]
     high[:, axis] = boxes.low[second, axis]
-    return Contacts(first, second, np.full(len(first), axis), low, high)
+    return FaceContacts(first, second, np.full(len(first), axis), low, high)
 
 
 def _same_planes(frame: np.ndarray, ahead: np.ndarray,

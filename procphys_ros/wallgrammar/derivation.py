@@ -43,7 +43,7 @@ _HEAVIEST = 1e12       # weight of a rule; sums stay finite
 _LARGEST = 1e6         # [m] border, insert or extrusion: more than the longest facade
 
 
-class Scope(NamedTuple):
+class FacadeScope(NamedTuple):
     """
     Rectangle of the facade.
 
@@ -65,7 +65,7 @@ class Piece(NamedTuple):
     :ivar numbers: values of `Panel.numbers`.
     """
 
-    scope: Scope
+    scope: FacadeScope
     panel: str
     place: Place
     numbers: tuple[float, ...] = ()
@@ -73,7 +73,7 @@ class Piece(NamedTuple):
 
 class _Task(NamedTuple):
     successor: Successor
-    scope: Scope
+    scope: FacadeScope
     values: Mapping[str, float]
     level: int
 
@@ -105,7 +105,7 @@ class Deriver:
         :raises GrammarError: for endless recursion of rules, and too many divisions.
         """
         pieces: list[Piece] = []
-        tasks = [_Task(start, Scope(0, 0, length, height), self.values, 0)]
+        tasks = [_Task(start, FacadeScope(0, 0, length, height), self.values, 0)]
         while tasks:
             task = tasks.pop()
             call = task.successor
@@ -195,7 +195,7 @@ class Deriver:
         bottom, top = scope.bottom + above, scope.top - above
         strips = [scope._replace(top=bottom), scope._replace(bottom=bottom, top=top, right=left),
                   scope._replace(bottom=bottom, top=top, left=right), scope._replace(bottom=top)]
-        inner = Scope(left, bottom, right, top, scope.depth)
+        inner = FacadeScope(left, bottom, right, top, scope.depth)
         return [task._replace(successor=node.inner, scope=inner)] + [
             task._replace(successor=node.edge, scope=strip) for strip in strips
             if strip.right > strip.left and strip.top > strip.bottom]

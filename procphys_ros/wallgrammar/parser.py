@@ -74,7 +74,7 @@ def parse(text: str, source: str, folder: Path | None = None) -> Spec:
     :param folder: searched first for included files; None = the shipped ones only.
     :raises GrammarError: where the text does not fit the language.
     """
-    reader = _Reader(source, _tree(text, source))
+    reader = _SpecReader(source, _tree(text, source))
     spec = reader.spec()
     _include(spec, reader, folder, {Path(shorten(source)).resolve()})
     return spec
@@ -87,7 +87,7 @@ def _tree(text: str, source: str) -> Node:
         raise syntax_error(problem, source, words=WALL_WORDS) from None
 
 
-def _include(spec: Spec, reader: '_Reader', folder: Path | None, seen: set[Path]) -> None:
+def _include(spec: Spec, reader: '_SpecReader', folder: Path | None, seen: set[Path]) -> None:
     """Merge materials, layouts and panels of included files; existing ones win."""
     for node in reader.trees['include']:
         found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
@@ -95,7 +95,7 @@ def _include(spec: Spec, reader: '_Reader', folder: Path | None, seen: set[Path]
             continue
         path, text = found
         seen.add(path)
-        inner = _Reader(str(path), _tree(text, str(path)), included=True)
+        inner = _SpecReader(str(path), _tree(text, str(path)), included=True)
         other = Spec(spec.building)
         inner.tables(other)
         for name, panel in other.panels.items():
@@ -107,7 +107,7 @@ def _include(spec: Spec, reader: '_Reader', folder: Path | None, seen: set[Path]
         _include(spec, inner, path.parent, seen)
 
 
-class _Reader:
+class _SpecReader:
     """
     Turns the parse tree into a spec.
 

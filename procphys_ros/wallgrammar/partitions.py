@@ -20,7 +20,7 @@ from dataclasses import replace
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.derivation import Piece, Scope
+from procphys_ros.wallgrammar.derivation import FacadeScope, Piece
 from procphys_ros.wallgrammar.footprint import Corner, Facade, Footprint
 from procphys_ros.wallgrammar.plan import along_facade, bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
@@ -98,7 +98,7 @@ def elevations(walls: Sequence[tuple[Rectangle, int]], layout: Layout, levels: S
         origin = rectangle.low if axis == 0 else (rectangle.high[0], rectangle.low[1])
         tied = Corner(joint=layout.joint)
         facade = Facade(rectangle.size[axis], 0, quarter, origin, tied, tied)
-        pieces = [Piece(Scope(0, 0, facade.length, levels[-1]), 'wall', place)]
+        pieces = [Piece(FacadeScope(0, 0, facade.length, levels[-1]), 'wall', place)]
         for floor, ceiling in zip(levels, levels[1:]):
             pieces += _door(facade.length, floor, ceiling - depth, layout, place)
         out.append(Elevation(facade, pieces, panels, {'partition': layout}, layout, 'partition'))
@@ -138,5 +138,5 @@ def _door(length: int, floor: int, ceiling: int, layout: Layout, place: Place) -
     if left < _PIER or left + _DOOR[0] + _PIER > length or over - head < layout.gauge:
         return []
     right = left + _DOOR[0]
-    return [Piece(Scope(left, floor, right, head), 'door', place),
-            Piece(Scope(left, head, right, over), 'lintel', place)]
+    return [Piece(FacadeScope(left, floor, right, head), 'door', place),
+            Piece(FacadeScope(left, head, right, over), 'lintel', place)]

@@ -85,7 +85,7 @@ class Field(NamedTuple):
     end: Edge
 
 
-class Row(NamedTuple):
+class FieldRow(NamedTuple):
     """
     Row of a field.
 
@@ -260,20 +260,20 @@ class ValleySlope(Slope):
                 found.append((start, end))
         return found
 
-    def _cut_row(self, field: Field, low: float, high: float, level: float) -> Row:
+    def _cut_row(self, field: Field, low: float, high: float, level: float) -> FieldRow:
         us = [self._plan(low, level), self._plan(high, level)]
         start = np.array([field.start.place(u) + abs(field.start.way) * _CLEAR for u in us])
         end = np.array([field.end.place(u) - abs(field.end.way) * _CLEAR for u in us])
         empty = end < start  # at the foot of a valley: empty, at the fixed end
         still = end if field.start.way else start
-        return Row(low, high, np.where(empty, still, start), np.where(empty, still, end))
+        return FieldRow(low, high, np.where(empty, still, start), np.where(empty, still, end))
 
     def _rows(self, field: Field, lines: Sequence[float],
-              battens: Sequence[tuple[float, float, float]]) -> list[Row]:
+              battens: Sequence[tuple[float, float, float]]) -> list[FieldRow]:
         """Return rows of tiles that end on battens; rows without one between them are joined."""
         level = self.depth + COVER
         own = [x for x in lines if field.low - 1e-9 <= self._plan(x, level) <= field.high + 1e-9]
-        rows: list[Row] = []
+        rows: list[FieldRow] = []
         for low, high in zip(own, own[1:]):
             row = self._cut_row(field, low, high, level)
             if float(row.end[1] - row.start[1]) < APART and float(row.end[0] - row.start[0]) < (
@@ -286,7 +286,7 @@ class ValleySlope(Slope):
             rows.append(row)
         return rows
 
-    def _hang(self, site: Site, frame: int, rows: Sequence[Row], level: float,
+    def _hang(self, site: Site, frame: int, rows: Sequence[FieldRow], level: float,
               width: float, joint: Joint) -> None:
         """Divide rows into tiles; the first and the last of each are cut to its ends."""
         whole, cut = [], []

@@ -23,7 +23,7 @@ from procphys_ros.wallgrammar import arching, piers
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.derivation import Piece, Scope
+from procphys_ros.wallgrammar.derivation import FacadeScope, Piece
 from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.openings import beam, door, glazing, Wall
 from procphys_ros.wallgrammar.regions import courses, EMPTY, paint, Regions, snap_level
@@ -181,7 +181,7 @@ class Elevation:
         return any(owner in self._thick and piece.scope.depth < 0 and piece.scope.top > level
                    for piece, owner in zip(self.pieces, self._owners.tolist()))
 
-    def set_back(self) -> list[Scope]:
+    def set_back(self) -> list[FacadeScope]:
         """List the scopes of panels that are set back, and so project inside."""
         return [piece.scope for piece, owner in zip(self.pieces, self._owners.tolist())
                 if piece.scope.depth > 0 and owner != EMPTY and owner not in self._thick]
@@ -323,7 +323,7 @@ def _check(elevation: Elevation, owners: np.ndarray, thick: dict[int, Layout]) -
 
 
 def _bear(piece: Piece, regions: Regions, facade: Facade,
-          thick: Sequence[int]) -> tuple[Scope, str]:
+          thick: Sequence[int]) -> tuple[FacadeScope, str]:
     """
     Lengthen a beam into the wall at both sides.
 
