@@ -28,7 +28,7 @@ from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 from procphys_ros.view.page import Page, RATE
-from procphys_ros.view.source import Content, Frame, Status
+from procphys_ros.view.source import Frame, PageContent, Status
 
 SECONDS = 4.0  # of each scene, played forth and back
 LARGEST = {'bricks': 15_196, 'branches': 12_000, 'leaves': 50_000}
@@ -95,7 +95,7 @@ def take_frames(name: str, wind: float, start: float) -> list[Frame]:
     frames = []
     for _ in range(round(SECONDS * RATE)):
         simulation.step(round(1.0 / RATE / simulation.time_step))
-        content = Content.of(simulation.blueprint, simulation.names.name, 0)
+        content = PageContent.of(simulation.blueprint, simulation.names.name, 0)
         frames.append(Frame(content, simulation.poses.copy(), simulation.leaf_poses().copy(),
                             simulation.dust))
     # Played back and forth, all frames show the same parts.
@@ -113,9 +113,9 @@ def largest() -> list[Frame]:
     rest[:, :3] = rng.uniform((-40.0, -40.0, 0.0), (40.0, 40.0, 12.0), (count + leaves, 3))
     carried = Leaves(rng.integers(bricks, count, leaves), rest[count:], np.full(leaves, 0.3),
                      np.full(leaves, 2))
-    content = Content(0, str, shape, size, np.ones(count), np.zeros(count, bool),
-                      (shape == Shape.CAPSULE).astype(int), str,
-                      ('brick', 'bark_oak', 'leaf_oak'), carried)
+    content = PageContent(0, str, shape, size, np.ones(count), np.zeros(count, bool),
+                          (shape == Shape.CAPSULE).astype(int), str,
+                          ('brick', 'bark_oak', 'leaf_oak'), carried)
     frames = []
     for angle in np.linspace(0.0, np.pi, round(SECONDS * RATE)):
         poses = rest.copy()

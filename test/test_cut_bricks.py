@@ -30,7 +30,7 @@ from procphys_ros.export.surfaces import surfaces
 from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.view.source import Content as PageContent
+from procphys_ros.view.source import PageContent
 from procphys_ros.wallgrammar import WallGrammar
 
 STRONG = 'material brick { tension: 3e6  cohesion: 4e6 }'

@@ -34,7 +34,7 @@ from visualization_msgs.msg import MarkerArray
 
 from procphys_ros.messages import pose_array
 from procphys_ros.recording.recording import Recording
-from procphys_ros.recording.writer import Writer
+from procphys_ros.recording.writer import McapWriter
 from procphys_ros.ros import qos, record, replay, replayer
 from procphys_ros.ros.node_recorder import NodeRecorder
 
@@ -153,7 +153,7 @@ def test_forces_on_intruders_with_names_are_recorded(node, client, tmp_path):
     pose.pose.orientation.w, pose.pose.position.z = 1.0, 9.0
     written = set()
 
-    class Noted(Writer):
+    class Noted(McapWriter):
         def write(self, name, *message):
             super().write(name, *message)
             written.add(name)
@@ -170,7 +170,7 @@ def test_forces_on_intruders_with_names_are_recorded(node, client, tmp_path):
 def test_what_comes_in_a_burst_is_recorded(client, tmp_path):
     """Miss none of the messages that come while the recorder is busy, whatever the topic."""
     written = set()
-    with Writer(tmp_path / 'run.mcap') as writer:
+    with McapWriter(tmp_path / 'run.mcap') as writer:
         writer.write = lambda name, kind, data, at: name == '/burst/dust' and written.add(data)
         NodeRecorder(client.node, '/burst', writer)
         publisher = client.publisher(PointCloud2, '/burst/dust')
@@ -186,7 +186,7 @@ def test_what_stands_still_is_recorded_while_the_clock_does(client, tmp_path):
     node = rclpy.create_node('recorder', cli_args=[
         '--ros-args', '-p', 'use_sim_time:=true', '-r', '/clock:=/no/clock'])
     client.host(node)
-    with Writer(tmp_path / 'run.mcap') as writer:
+    with McapWriter(tmp_path / 'run.mcap') as writer:
         writer.write = lambda name, kind, data, at: written.append(data)
         NodeRecorder(node, '/still', writer)
         client.send_until(lambda: written, 'the only message',
@@ -269,7 +269,7 @@ def test_mistakes_are_said(tape, monkeypatch, capsys, run, words, code, complain
 def tape(tmp_path) -> Path:
     """Write a recording of another node: one pose that moves by a metre each quarter second."""
     path = tmp_path / 'tape.mcap'
-    with Writer(path) as writer:
+    with McapWriter(path) as writer:
         for number in range(9):
             pose = np.array([[float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
             writer.write('/tape/poses', 'geometry_msgs/msg/PoseArray',

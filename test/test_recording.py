@@ -38,7 +38,7 @@ from procphys_ros.recording.definitions import definition, KINDS
 from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recorder import Recorder
 from procphys_ros.recording.recording import Recording
-from procphys_ros.recording.writer import RESERVE, Writer
+from procphys_ros.recording.writer import McapWriter, RESERVE
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
@@ -206,7 +206,7 @@ def test_full_disk_ends_the_recording(tmp_path, monkeypatch):
     free = [10 * RESERVE]
     monkeypatch.setattr(shutil, 'disk_usage', lambda path: SimpleNamespace(free=free[0]))
     data = pose_array(np.random.default_rng(0).normal(size=(15_000, 7)), (0, 0), 'world')
-    writer = Writer(tmp_path / 'run.mcap')
+    writer = McapWriter(tmp_path / 'run.mcap')
     for frame in range(10):
         writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', data, frame)
     free[0] = RESERVE // 2
@@ -218,14 +218,14 @@ def test_full_disk_ends_the_recording(tmp_path, monkeypatch):
         writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', data, 99)
     writer.close()
     with pytest.raises(RecordingError, match='is full'):
-        Writer(tmp_path / 'other.mcap')
+        McapWriter(tmp_path / 'other.mcap')
 
 
 def test_a_killed_recording_has_lost_seconds_only(tmp_path, monkeypatch):
     """Have on the disk what is some seconds old, though the chunk is not full."""
     now = [0.0]
     monkeypatch.setattr(writer, 'monotonic', lambda: now[0])
-    open_writer = Writer(tmp_path / 'run.mcap')
+    open_writer = McapWriter(tmp_path / 'run.mcap')
     for number in range(12):
         now[0] += 1.0
         open_writer.write('/sim/scene_description', 'std_msgs/msg/String', bytes(16), number)
@@ -246,8 +246,8 @@ import numpy as np, sys
 from procphys_ros.errors import RecordingError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import pose_array
-from procphys_ros.recording.writer import Writer
-writer = Writer(sys.argv[1])
+from procphys_ros.recording.writer import McapWriter
+writer = McapWriter(sys.argv[1])
 data = pose_array(np.random.default_rng(0).normal(size=(15_000, 7)), (0, 0), 'world')
 try:
     for frame in range(40):
@@ -285,7 +285,7 @@ def test_damaged_files_are_read_or_refused(tmp_path):
     Before that was so, 444 of 2,000 such changes ended in other errors than ours.
     """
     path = tmp_path / 'small.mcap'
-    with Writer(path) as writer:
+    with McapWriter(path) as writer:
         for at in range(3):
             writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', bytes(64), at)
     whole, rng, refused = path.read_bytes(), np.random.default_rng(0), 0
@@ -315,18 +315,18 @@ def test_places_that_cannot_be_written(tmp_path, path, complaint):
     """Refuse before anything is simulated."""
     (tmp_path / 'folder.mcap').mkdir()
     with pytest.raises(RecordingError, match=complaint):
-        Writer(tmp_path / path)
+        McapWriter(tmp_path / path)
 
 
 def test_a_file_takes_one_recording_at_a_time(tmp_path):
     """Refuse a second one, which would make neither readable, until the first has ended."""
     path, data = tmp_path / 'run.mcap', pose_array(np.zeros((1, 7)), (0, 0), 'world')
-    with Writer(path) as writer:
+    with McapWriter(path) as writer:
         writer.write('/sim/poses', 'geometry_msgs/msg/PoseArray', data, 7)
         with pytest.raises(RecordingError, match='another recording goes into it'):
-            Writer(path)
+            McapWriter(path)
     assert [message.at for message in Recording(path).messages()] == [7]
-    Writer(path).close()
+    McapWriter(path).close()
     assert not Recording(path).topics
 
 
@@ -336,7 +336,7 @@ def test_missing_package_is_named(tmp_path, monkeypatch):
         raise ImportError(name)
     monkeypatch.setattr(library, 'import_module', gone)
     with pytest.raises(RecordingError, match='pip install mcap'):
-        Writer(tmp_path / 'run.mcap')
+        McapWriter(tmp_path / 'run.mcap')
 
 
 def test_what_acts_on_intruders_is_recorded(tmp_path):

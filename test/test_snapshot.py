@@ -211,7 +211,7 @@ def hostile(chosen, node, others):
     node[key] = chosen.choice([
         None, True, -1, 2 ** 63, 1e308, 'x' * 50, [], {}, [[]], ['object', 0], ['array', 0],
         ['array', -1], ['set', ['list']], ['dict', [1]], ['constant', 'settings'],
-        ['deque', -1, 1], ['procphys_ros.recording.writer.Writer', '/tmp/x'],
+        ['deque', -1, 1], ['procphys_ros.recording.writer.McapWriter', '/tmp/x'],
         chosen.choice(others)])
     return key
 
@@ -306,8 +306,8 @@ def test_no_class_is_found_by_name(saved, tmp_path):
     recording = tmp_path / 'run.mcap'
     recording.write_bytes(b'precious')
     table, rest = taken_apart(data)
-    for record in ({'data': ['procphys_ros.recording.writer.Writer', str(recording)]},
-                   ['procphys_ros.recording.writer', 'Writer', str(recording)]):
+    for record in ({'data': ['procphys_ros.recording.writer.McapWriter', str(recording)]},
+                   ['procphys_ros.recording.writer', 'McapWriter', str(recording)]):
         for number in range(0, len(table['state']['objects']), 9):
             spoilt = json.loads(json.dumps(table))
             spoilt['state']['objects'][number] = record

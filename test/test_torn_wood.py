@@ -34,7 +34,7 @@ from procphys_ros.torn_wood import (
     TornEnds,
     WoodJoints,
 )
-from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.source import Frame, PageContent
 from procphys_ros.view.torn_meshes import TornMeshes
 
 _WIDTH = 0.1  # [m] of the beam
@@ -179,7 +179,7 @@ class _Page:
 def test_the_page_gets_the_ends_of_what_breaks():
     """Draw two ends where a stem broke, move them along with the pieces, and take them off."""
     tree, page = beam(5), _Page()
-    content = Content.of(tree, str, 0)
+    content = PageContent.of(tree, str, 0)
     ends = TornMeshes(page, 0.5)
     ends.update(Frame(content, tree.poses, np.zeros((0, 7))))
     assert not page.meshes

@@ -41,7 +41,7 @@ from procphys_ros.view.commands import (
     SetPause,
 )
 from procphys_ros.view.cracks import seams
-from procphys_ros.view.mortar import Mortar
+from procphys_ros.view.mortar import MortarBoxes
 from procphys_ros.view.outlook import ALL, at_parts, from_side, SIDES
 from procphys_ros.view.page import Page
 from procphys_ros.view.player import Player
@@ -209,14 +209,14 @@ def test_no_daylight_shows_through_joints(frame):
     drawing, unit = Drawing(), 0.5
     Batches(drawing, unit).update(frame)
     assert daylight(frame, drawing, unit) > 0.1
-    Mortar(drawing, unit).update(frame)
+    MortarBoxes(drawing, unit).update(frame)
     assert daylight(frame, drawing, unit) == 0.0
 
 
 def test_mortar_follows_bricks_until_they_part(frame):
     """Send joints whose bricks move, and drop those that open; a brick has up to six."""
     drawing = Drawing()
-    mortar = Mortar(drawing, 1.0)
+    mortar = MortarBoxes(drawing, 1.0)
     mortar.update(frame)
     first = drawing.positions('mortar')
     bricks = np.flatnonzero(frame.content.shape == Shape.BOX)

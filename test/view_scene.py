@@ -24,7 +24,7 @@ import numpy as np
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.source import Frame, PageContent
 
 DOWN, NORTH = np.array([0.0, 0.0, -1.0]), np.array([0.0, 1.0, 0.0])
 TREE = """
@@ -50,5 +50,6 @@ def free_port() -> int:
 
 def frame_of(simulation: Simulation) -> Frame:
     """Take a frame."""
-    content = Content.of(simulation.blueprint, simulation.names.name, 0, simulation.model.terrain)
+    content = PageContent.of(simulation.blueprint, simulation.names.name, 0,
+                             simulation.model.terrain)
     return Frame(content, simulation.poses.copy(), simulation.leaf_poses().copy())

@@ -35,7 +35,7 @@ def stamp(time: float) -> Stamp:
     return nanoseconds // 10**9, nanoseconds % 10**9
 
 
-class Writer:
+class CdrWriter:
     """
     Append primitives with the padding of CDR.
 

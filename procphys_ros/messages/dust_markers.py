@@ -20,7 +20,7 @@ from typing import Protocol
 import numpy as np
 
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.marker_rows import Kind, ListMarker
+from procphys_ros.messages.marker_rows import ListMarker, MarkerType
 from procphys_ros.palette import rgba
 
 NAMESPACE = 'dust'
@@ -29,7 +29,7 @@ _MOST = 5000  # puffs drawn at once; of more, evenly chosen ones
 _FAINTEST = 5e-3  # smallest visible opacity
 
 
-class Puffs(Protocol):
+class PuffRows(Protocol):
     """Puffs of dust: rows of positions [m], diameters [m], opacities 0 to 1."""
 
     @property
@@ -53,7 +53,7 @@ class DustMarkers:
     def __init__(self, frame_id: str, namespace: str = NAMESPACE):
         colour = rgba('mortar')
         self._colour = np.array(colour)
-        self._lists = [ListMarker(Kind.SPHERE_LIST, namespace, number, frame_id, colour)
+        self._lists = [ListMarker(MarkerType.SPHERE_LIST, namespace, number, frame_id, colour)
                        for number in range(len(_EDGES) + 1)]
         self._sent: list[bytes | None] = [b''] * len(self._lists)
 
@@ -66,7 +66,7 @@ class DustMarkers:
         """Return the deletions of all markers."""
         return [marker.deletion for marker in self._lists]
 
-    def write(self, puffs: Puffs, at: Stamp) -> tuple[list[bytes], int]:
+    def write(self, puffs: PuffRows, at: Stamp) -> tuple[list[bytes], int]:
         """
         Write the markers that changed.
 
@@ -88,7 +88,7 @@ class DustMarkers:
                           else marker.deletion)
         return chunks, len(chunks)
 
-    def _write(self, marker: ListMarker, puffs: Puffs, mine: np.ndarray, at: Stamp) -> bytes:
+    def _write(self, marker: ListMarker, puffs: PuffRows, mine: np.ndarray, at: Stamp) -> bytes:
         colours = np.tile(self._colour, (len(mine), 1))
         colours[:, 3] = puffs.opacity[mine]
         return marker.write(puffs.positions[mine], at, colours, float(puffs.sizes[mine].mean()))

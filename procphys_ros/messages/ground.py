@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.marker_rows import Action, command, Kind, ListMarker, marker_array
+from procphys_ros.messages.marker_rows import Action, command, ListMarker, marker_array, MarkerType
 from procphys_ros.palette import rgba
 from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
@@ -101,10 +101,10 @@ def ground_markers(terrain: Terrain, paving: Sequence[Paving], at: Stamp,
     shown = thinned(terrain)
     if not terrain.is_flat:
         points, faces = shown.mesh()
-        chunks.append(ListMarker(Kind.TRIANGLE_LIST, _TERRAIN, 0, frame_id, rgba('ground'))
+        chunks.append(ListMarker(MarkerType.TRIANGLE_LIST, _TERRAIN, 0, frame_id, rgba('ground'))
                       .write(points[faces.ravel()], at))
     for number, one in enumerate(paving):
-        chunks.append(ListMarker(Kind.TRIANGLE_LIST, _PAVING, number, frame_id,
+        chunks.append(ListMarker(MarkerType.TRIANGLE_LIST, _PAVING, number, frame_id,
                                  rgba(one.texture))
                       .write(_on(shown, terrain, one.points)[one.faces.ravel()], at))
     return marker_array(chunks, len(chunks))

@@ -29,7 +29,7 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
+from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
 
 Colour = tuple[float, float, float, float]
 
@@ -40,7 +40,7 @@ Chunk = bytes | memoryview
 """Markers as they go into a message: contiguous bytes."""
 
 
-class Kind(IntEnum):
+class MarkerType(IntEnum):
     """Used values of Marker.type."""
 
     CUBE = 1
@@ -72,7 +72,7 @@ def row_layout(namespace_bytes: int, frame_id: str, mesh: str = '',
         with those fields empty.
     """
     namespace = 'x' * namespace_bytes
-    head, offsets = _head(namespace, frame_id, Kind.CUBE, (0.0, 0.0, 0.0, 0.0))
+    head, offsets = _head(namespace, frame_id, MarkerType.CUBE, (0.0, 0.0, 0.0, 0.0))
     head.numbers('I', points)
     if points:
         offsets['points'] = head.align(8)
@@ -100,7 +100,7 @@ class ListMarker:
     :ivar deletion: marker that deletes it.
     """
 
-    def __init__(self, kind: Kind, namespace: str, number: int, frame_id: str, rgba: Colour):
+    def __init__(self, kind: MarkerType, namespace: str, number: int, frame_id: str, rgba: Colour):
         self.deletion = command(Action.DELETE, namespace, number, frame_id)
         head, self._offsets = _head(namespace, frame_id, kind, rgba, number)
         self._count_at = head.numbers('I', 0)
@@ -147,10 +147,10 @@ def marker_array(chunks: Sequence[Chunk], count: int) -> bytes:
     return b''.join((ENCAPSULATION, np.uint32(count).tobytes(), *chunks))
 
 
-def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
-          number: int = 0) -> tuple[Writer, dict[str, int]]:
+def _head(namespace: str, frame_id: str, kind: MarkerType, rgba: Colour,
+          number: int = 0) -> tuple[CdrWriter, dict[str, int]]:
     """Write a marker up to its points; return the offsets of its fields."""
-    writer = Writer(_START)
+    writer = CdrWriter(_START)
     offsets = {'stamp': writer.header(_NO_TIME, frame_id)}
     writer.string(namespace)
     offsets['ns'] = len(writer.getvalue()) - 1 - len(namespace.encode())
@@ -165,10 +165,10 @@ def _head(namespace: str, frame_id: str, kind: Kind, rgba: Colour,
     return writer, offsets
 
 
-def _finish(head: Writer, mesh: str = '') -> bytes:
+def _finish(head: CdrWriter, mesh: str = '') -> bytes:
     """Write the fields after the points, padded to a multiple of eight bytes."""
     for filling in range(8):
-        writer = Writer(_START)
+        writer = CdrWriter(_START)
         writer.raw(head.getvalue())
         writer.numbers('I', 0)  # colours
         writer.string('')  # texture_resource

@@ -29,15 +29,15 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.compilation import kernel
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, Puffs
+from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, PuffRows
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
 from procphys_ros.messages.marker_rows import (
     Action,
     Chunk,
     command,
-    Kind,
     ListMarker,
     marker_array,
+    MarkerType,
 )
 from procphys_ros.messages.part_markers import PartMarkers
 from procphys_ros.messages.torn_markers import TornMarkers
@@ -121,7 +121,7 @@ class SceneMarkers:
         self._parts.add(blueprint, objects)
         leaves = foliage(blueprint, objects, style.most_triangles)
         self._leaves = TriangleLists(
-            [ListMarker(Kind.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
+            [ListMarker(MarkerType.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
                         look(blueprint.textures[entry.texture]).rgba) for o, entry in leaves],
             [entry for _, entry in leaves])
         self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}'.lstrip('/'))
@@ -146,7 +146,7 @@ class SceneMarkers:
         self._objects = len(objects)
 
     def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
-              puffs: Puffs | None = None) -> bytes:
+              puffs: PuffRows | None = None) -> bytes:
         """
         Write every existing marker, after one that clears earlier markers.
 
@@ -166,7 +166,7 @@ class SceneMarkers:
         return marker_array([self._clear, *chunks], count + bool(self._clear))
 
     def changes(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
-                puffs: Puffs | None = None) -> bytes | None:
+                puffs: PuffRows | None = None) -> bytes | None:
         """
         Write the markers that changed since the last call; None if there are none.
 
@@ -187,7 +187,7 @@ class SceneMarkers:
         return marker_array([*chunks, *others], count + len(others))
 
     def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
-                 puffs: Puffs | None) -> tuple[list[Chunk], int]:
+                 puffs: PuffRows | None) -> tuple[list[Chunk], int]:
         changed = self._sent.update(poses)
         away = _differ(poses, self._home, _VISIBLE)
         carriers, marks = poses[:self._first_parts], changed[:self._first_parts]

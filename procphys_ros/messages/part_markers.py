@@ -25,7 +25,7 @@ from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import balls, PlacedObject
-from procphys_ros.messages.marker_rows import Action, BEFORE, Kind, row_layout
+from procphys_ros.messages.marker_rows import Action, BEFORE, MarkerType, row_layout
 from procphys_ros.palette import look
 
 _HULL = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]]).ravel()  # of a hexahedron
@@ -91,7 +91,7 @@ class PartMarkers:
         new = len(blueprint) - len(self._has_mesh)
         self._has_mesh = np.append(self._has_mesh, np.zeros(new, bool))
         size, kind, colour = _appearance(blueprint)
-        self._may_have_mesh = (kind == Kind.CUBE) & bool(self._mesh)
+        self._may_have_mesh = (kind == MarkerType.CUBE) & bool(self._mesh)
         hexahedra = blueprint.hexahedra
         lengths = np.array([len(o.name.encode()) for o in objects], int)
         for length in np.unique(lengths):
@@ -101,7 +101,7 @@ class PartMarkers:
             parts = np.concatenate([np.arange(o.first, o.first + o.count) for o in mine])
             names = np.array([np.frombuffer(o.name.encode(), np.uint8) for o in mine])
             names = np.repeat(names, [o.count for o in mine], axis=0)
-            box = kind[parts] == Kind.CUBE
+            box = kind[parts] == MarkerType.CUBE
             cut = hexahedra.among(parts)
             solids = _Rows(parts[cut.part], names[cut.part], self._frame,
                            points=len(_HULL))
@@ -113,8 +113,8 @@ class PartMarkers:
                 rows.fields['scale'] = size[rows.parts]
                 rows.fields['color'] = colour[rows.parts]
             shapes.fields['type'] = kind[parts[plain]]
-            meshes.fields['type'] = Kind.MESH_RESOURCE
-            solids.fields['type'] = Kind.TRIANGLE_LIST
+            meshes.fields['type'] = MarkerType.MESH_RESOURCE
+            solids.fields['type'] = MarkerType.TRIANGLE_LIST
             self._shapes += [shapes, solids]
             if self._mesh:
                 self._meshes.append(meshes)
@@ -149,11 +149,11 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     size = blueprint.visual_size.copy()
     # RViz has no cones: a tapered segment becomes a cylinder of its middle diameter.
     size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
-    kind = np.where(capsule, Kind.CYLINDER, Kind.CUBE)
+    kind = np.where(capsule, MarkerType.CYLINDER, MarkerType.CUBE)
     ball = balls(blueprint)
-    kind[ball], size[ball] = Kind.SPHERE, blueprint.size[ball]
+    kind[ball], size[ball] = MarkerType.SPHERE, blueprint.size[ball]
     solid = blueprint.hexahedra.part
-    kind[solid], size[solid] = Kind.TRIANGLE_LIST, 1.0
+    kind[solid], size[solid] = MarkerType.TRIANGLE_LIST, 1.0
     looks = [look(name) for name in blueprint.textures] or [look('')]
     colour = np.array([one.rgba for one in looks])[blueprint.texture]
     # Neighbouring bricks differ slightly, always in the same way; pieces of one brick do not.

@@ -19,7 +19,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
+from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
 
 # sensor_msgs/PointField datatypes
 _DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -44,7 +44,7 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     :param at: stamp of the message.
     :param frame_id: name of the frame.
     """
-    writer = Writer()
+    writer = CdrWriter()
     writer.header(at, frame_id)
     height, width = rows.shape if rows.ndim == 2 else (1, len(rows))
     writer.numbers('I', height, width)

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
+from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
 
 
 def pose_array(poses: np.ndarray, at: Stamp, frame_id: str) -> bytes:
@@ -28,7 +28,7 @@ def pose_array(poses: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     :param at: stamp of the message.
     :param frame_id: name of the frame.
     """
-    writer = Writer()
+    writer = CdrWriter()
     writer.header(at, frame_id)
     writer.numbers('I', len(poses))
     if len(poses):

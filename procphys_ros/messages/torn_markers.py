@@ -18,7 +18,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.marker_rows import Kind, ListMarker
+from procphys_ros.messages.marker_rows import ListMarker, MarkerType
 from procphys_ros.messages.triangle_lists import place
 from procphys_ros.palette import look
 from procphys_ros.torn_wood import End, SOIL, TORN, TornEnds, WoodJoints
@@ -38,7 +38,7 @@ class TornMarkers:
 
     def __init__(self, blueprint: Blueprint, frame_id: str, prefix: str = ''):
         self._joints = WoodJoints(blueprint)
-        self._lists = {name: ListMarker(Kind.TRIANGLE_LIST, prefix + name, 0, frame_id,
+        self._lists = {name: ListMarker(MarkerType.TRIANGLE_LIST, prefix + name, 0, frame_id,
                                         look(name).rgba) for name in (TORN, SOIL)}
         self._torn = TornEnds()
         self._known: dict[int, list[End]] = {}

@@ -19,7 +19,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros.messages.cdr import ENCAPSULATION, Stamp, Writer
+from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
 
 _NOWHERE = (0, 0, 0, 0, 0, 0, 1)
 
@@ -33,7 +33,7 @@ class TransformMessage:
     """
 
     def __init__(self, names: Sequence[str], frame_id: str):
-        writer = Writer()
+        writer = CdrWriter()
         writer.numbers('I', len(names))
         stamps, poses = [], []
         for name in names:

@@ -21,12 +21,11 @@ import numpy as np
 
 from procphys_ros import messages
 from procphys_ros.errors import RecordingError
-from procphys_ros.messages.cdr import ENCAPSULATION
-from procphys_ros.messages.cdr import Writer as CdrWriter
+from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION
 from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.recording.recording import FULL_EVERY
-from procphys_ros.recording.writer import Writer
+from procphys_ros.recording.writer import McapWriter
 from procphys_ros.render.joints import seats
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.schema import short
@@ -55,7 +54,7 @@ class Recorder:
             raise RecordingError(f'the rate is {rate:g} 1/s, it must lie above 0 and not exceed '
                                  '10000')
         self._simulation, self._node, self._frame = simulation, node, frame
-        self._writer = Writer(path)
+        self._writer = McapWriter(path)
         self._period = 1.0 / rate
         self._due = self._full_due = simulation.time
         self._last_poses = np.empty((0, 7))

@@ -31,7 +31,7 @@ _LONGEST = 5.0  # [s] of a chunk: the loss of a killed process
 _CHECK_EVERY = _CHUNK       # [bytes] written between two checks of the disk
 
 
-class Writer:
+class McapWriter:
     """
     Write messages with their definitions, compressed with zstd.
 

@@ -28,7 +28,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import texture
 from procphys_ros.render.backend import open_context
 from procphys_ros.render.camera import View
-from procphys_ros.render.drawing import Drawing
+from procphys_ros.render.drawing import SceneBatches
 from procphys_ros.render.light import Daylight
 from procphys_ros.render.program import Programs, set_uniforms
 from procphys_ros.scene.scenery import SkySettings, SunSettings
@@ -107,7 +107,7 @@ class Canvas:
         """Return the unit vector to the sun, (3,)."""
         return self._daylight.towards
 
-    def draw(self, drawing: Drawing, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
+    def draw(self, drawing: SceneBatches, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
         """
         Draw a picture.
 

@@ -77,7 +77,7 @@ class Moment:
         return rotation.compose(self.poses[leaves.part], leaves.pose)
 
 
-class Drawing:
+class SceneBatches:
     """
     Create batches from a blueprint, and move them.
 

@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.motion import CameraMotion
 from procphys_ros.render.picture import Renderer, scene_points
-from procphys_ros.render.writers import Writer
+from procphys_ros.render.writers import PictureWriter
 from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.simulation import Simulation
@@ -73,7 +73,7 @@ def check_camera(scene: Scene, camera: CameraSettings) -> None:
         PartNames(scene.objects, scene.blueprint).index(camera.part)
 
 
-def shoot(scene: Scene, shot: Shot, writer: Writer,
+def shoot(scene: Scene, shot: Shot, writer: PictureWriter,
           tell: Callable[[int], None] = lambda number: None) -> Simulation:
     """
     Simulate a scene from the start, and draw it at the times of a shot.

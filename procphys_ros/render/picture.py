@@ -30,7 +30,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import camera as cameras
 from procphys_ros.render.camera import View
 from procphys_ros.render.canvas import Bounds, Canvas
-from procphys_ros.render.drawing import Drawing, Moment
+from procphys_ros.render.drawing import Moment, SceneBatches
 from procphys_ros.scene.scenery import SkySettings, SunSettings
 from procphys_ros.schema import short
 
@@ -60,7 +60,7 @@ class Renderer:
                  sun: SunSettings | None = None, sky: SkySettings | None = None,
                  terrain: Terrain = FLAT, paving: Sequence[Paving] = ()):
         self._canvas = Canvas(size, sun or SunSettings(), sky or SkySettings(), terrain, paving)
-        self._drawing = Drawing(self._canvas.context, first, self._canvas.towards)
+        self._drawing = SceneBatches(self._canvas.context, first, self._canvas.towards)
         self._bounds: Bounds | None = None
 
     def prepare(self, moment: Moment) -> None:

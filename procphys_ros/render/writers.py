@@ -38,7 +38,7 @@ _JPEG_QUALITY = 85
 _NUMBERED = re.compile(r'(?:[^%]|%%)*%0?[1-9]?d(?:[^%]|%%)*\Z')  # a longer number fills memory
 
 
-class Writer(Protocol):
+class PictureWriter(Protocol):
     """Receives pictures one after the other."""
 
     @property
@@ -82,7 +82,7 @@ def check_output(path: Path) -> None:
         _load_encoder()
 
 
-def open_writer(path: Path, size: tuple[int, int], rate: float) -> Writer:
+def open_writer(path: Path, size: tuple[int, int], rate: float) -> PictureWriter:
     """
     Select the writer for a path.
 

@@ -38,7 +38,7 @@ _LONG_TURN = 1.0  # [s] after which a single step or command is reported
 
 
 @dataclass(frozen=True)
-class Look:
+class SimulationStatus:
     """
     The status of the simulation at one moment.
 
@@ -91,7 +91,7 @@ class Diagnostics:
         self._limiter = RateLimiter(_LOOKS)
         self._stages: Counter[str] = Counter()
         self._steps = 0
-        self.latest: Look | None = None
+        self.latest: SimulationStatus | None = None
 
     def note(self, timings: Mapping[str, float]) -> None:
         """Add the durations of the stages of one step [s], for their mean in the status."""
@@ -110,9 +110,9 @@ class Diagnostics:
                       for stage, seconds in self._stages.items()}
             self._stages.clear()
             self._steps = 0
-        self.latest = Look(simulation.time, pacer.factor, session.paused, session.failure,
-                           stages, len(simulation.poses), simulation.awake_bodies,
-                           simulation.bonds_broken, float(wind))
+        self.latest = SimulationStatus(
+            simulation.time, pacer.factor, session.paused, session.failure, stages,
+            len(simulation.poses), simulation.awake_bodies, simulation.bonds_broken, float(wind))
 
     def publish(self) -> None:
         """Publish the status; to be called once a second."""
@@ -127,7 +127,7 @@ class Diagnostics:
             array.header.stamp.sec, array.header.stamp.nanosec = stamp(look.time)
         self._publisher.publish(array)
 
-    def _values(self, look: Look | None) -> dict[str, str]:
+    def _values(self, look: SimulationStatus | None) -> dict[str, str]:
         taken, rejected = self._commands.counts()
         shown = {} if look is None else {
             'simulation time [s]': f'{look.time:.3f}',
@@ -150,7 +150,7 @@ class Diagnostics:
         }
 
 
-def judge(look: Look | None, factor: float, work: Activity, building: Activity
+def judge(look: SimulationStatus | None, factor: float, work: Activity, building: Activity
           ) -> tuple[bytes, str]:
     """
     Return the level and the message of the status.
@@ -176,7 +176,7 @@ def judge(look: Look | None, factor: float, work: Activity, building: Activity
     return level, f'{message}; {building_now}' if building_now else message
 
 
-def status_line(look: Look | None, factor: float, building: str) -> str:
+def status_line(look: SimulationStatus | None, factor: float, building: str) -> str:
     """
     Describe the state in one line for a terminal.
 

@@ -44,7 +44,7 @@ from procphys_ros.render.joints import Seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
 from procphys_ros.torn_wood import BrokenWood
-from procphys_ros.view.source import Content, Frame, Status
+from procphys_ros.view.source import Frame, PageContent, Status
 
 _TURN = 0.05  # [s] between checks for its end
 _SILENCE = 5.0  # [s] without diagnostics, which come each second: then a node counts as dead
@@ -176,7 +176,7 @@ class _SceneState:
     """Received content of a scene: from the ROS thread, for the thread of the page."""
 
     def __init__(self) -> None:
-        self._content: Content | None = None
+        self._content: PageContent | None = None
         self._leaves = Leaves()
         self._scene = 0
         self._poses = self._leaf_poses = np.zeros((0, 7))
@@ -226,7 +226,7 @@ class _SceneState:
         """Store the parts of all broken bonds, (K, 2), and the causes, (K,)."""
         self._breaks, self._is_stale = (pairs, causes), True
 
-    def _begin(self, content: Content) -> None:
+    def _begin(self, content: PageContent) -> None:
         self._scene += 1
         leaves = self._leaves
         if len(leaves) and leaves.part.max() >= len(content):  # leaves of another scene
@@ -234,7 +234,7 @@ class _SceneState:
         self._content = replace(content, scene=self._scene, leaves=leaves)
         self._is_stale = True
 
-    def _make(self, content: Content, poses: np.ndarray) -> Frame:
+    def _make(self, content: PageContent, poses: np.ndarray) -> Frame:
         leaf_poses = self._leaf_poses
         if len(leaf_poses) != len(content.leaves):
             leaf_poses = rotation.compose(poses[content.leaves.part], content.leaves.pose)
@@ -245,7 +245,7 @@ class _SceneState:
         return Frame(replace(content, wood=wood), poses, leaf_poses, self._dust, pairs)
 
 
-def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content:
+def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> PageContent:
     """
     Read a scene description.
 
@@ -269,11 +269,12 @@ def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> Content
     cut = np.array(solids.get('part', ()), np.int32)
     first_piece = np.arange(len(shape))
     first_piece[cut] = solids.get('first_piece', cut)
-    return Content(scene, parts['name'].__getitem__, shape,
-                   np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
-                   texture, parts['material'].__getitem__, textures or [''], leaves, first_piece,
-                   Hexahedra(cut, np.array(solids.get('corners', ()), float).reshape(-1, 24)),
-                   terrain, paving, mortar=_mortar_of(described))
+    return PageContent(scene, parts['name'].__getitem__, shape,
+                       np.where(ball[:, None], size, drawn), np.array(parts['mass'], float), ball,
+                       texture, parts['material'].__getitem__, textures or [''], leaves,
+                       first_piece,
+                       Hexahedra(cut, np.array(solids.get('corners', ()), float).reshape(-1, 24)),
+                       terrain, paving, mortar=_mortar_of(described))
 
 
 def _mortar_of(described: dict[str, Any]) -> Seats | None:
@@ -288,7 +289,7 @@ def _mortar_of(described: dict[str, Any]) -> Seats | None:
     return Seats(bond, pairs[:, 0], pairs[:, 1], box, np.stack([first, second]), size)
 
 
-def _continues(old: Content, new: Content) -> bool:
+def _continues(old: PageContent, new: PageContent) -> bool:
     """Return whether a content has the ground and parts of another, and possibly more."""
     count = len(old)
     return (len(new) >= count and _ground(new) == _ground(old)
@@ -296,7 +297,7 @@ def _continues(old: Content, new: Content) -> bool:
             and all(old.name(i) == new.name(i) for i in range(count)))
 
 
-def _ground(content: Content) -> list[str | bytes]:
+def _ground(content: PageContent) -> list[str | bytes]:
     """Return data that identify the ground of a scene."""
     return [repr(content.terrain), *(one.texture for one in content.paving),
             *(one.points.tobytes() for one in content.paving)]

@@ -29,7 +29,7 @@ from rclpy.signals import SignalHandlerOptions
 from procphys_ros.errors import RecordingError
 from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recording import FULL_EVERY
-from procphys_ros.recording.writer import Writer
+from procphys_ros.recording.writer import McapWriter
 from procphys_ros.ros import qos
 from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
@@ -49,7 +49,7 @@ class NodeRecorder:
     :ivar failure: error that ended the recording; None = it goes on.
     """
 
-    def __init__(self, node: Node, source: str, writer: Writer):
+    def __init__(self, node: Node, source: str, writer: McapWriter):
         self._node, self._writer, self._source = node, writer, source
         self._markers = MarkerState()
         self._poses = b''
@@ -142,7 +142,7 @@ def record(said: argparse.Namespace, ros_words: Sequence[str], ended: Callable[[
         source = '/' + said.node.strip('/')
         _find(node, executor, source, said.timeout, ended)
         started = monotonic()
-        with Writer(said.out) as writer:
+        with McapWriter(said.out) as writer:
             recorder = NodeRecorder(node, source, writer)
             while not (ended() or recorder.failure
                        or (said.seconds and monotonic() - started > said.seconds)):

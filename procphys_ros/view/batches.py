@@ -24,7 +24,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.view import shapes
 from procphys_ros.view.near_leaves import NearLeaves
-from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.source import Frame, PageContent
 
 MOST_BOXES = 512    # copies in a batch: one moving brick is sent with its whole batch
 _MOST_OTHERS = 8192  # the same for branches and leaves, which move all together or not at all
@@ -151,7 +151,7 @@ def present(poses: np.ndarray) -> np.ndarray:
     return np.where(gone[:, None], _AWAY, poses) if gone.any() else poses
 
 
-def _scales(content: Content, rows: np.ndarray) -> np.ndarray:
+def _scales(content: PageContent, rows: np.ndarray) -> np.ndarray:
     """Return the scales of parts along the axes of their unit meshes, (K, 3)."""
     scales = content.size[rows].copy()
     branch = (content.shape[rows] == Shape.CAPSULE) & ~content.ball[rows]
@@ -160,7 +160,7 @@ def _scales(content: Content, rows: np.ndarray) -> np.ndarray:
     return scales
 
 
-def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
+def _part_groups(content: PageContent, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
     """Group parts by their appearance; yield rows and mesh."""
     capsule = content.shape[rows] == Shape.CAPSULE
     taper = content.size[rows, 1] / np.maximum(content.size[rows, 0], 1e-9)
@@ -178,13 +178,13 @@ def _part_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarra
         yield chosen, (maker(name, tone) if maker else shapes.branch(name, tone, which))
 
 
-def _leaf_groups(content: Content, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
+def _leaf_groups(content: PageContent, rows: np.ndarray) -> Iterator[tuple[np.ndarray, bytes]]:
     for chosen, name, tone, _ in _groups(content, rows, content.leaves.texture[rows],
                                          np.zeros(len(rows), int), rows):
         yield chosen, shapes.leaf(name, tone)
 
 
-def _groups(content: Content, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray,
+def _groups(content: PageContent, rows: np.ndarray, texture: np.ndarray, kind: np.ndarray,
             first: np.ndarray) -> Iterator[tuple[np.ndarray, str, int, int]]:
     """Yield rows of one texture, tone (chosen by `first`) and kind, in groups of limited size."""
     names = content.textures or ['']

@@ -25,7 +25,7 @@ from procphys_ros.errors import CommandError
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse
 from procphys_ros.view.picking import GROUND, Hit
-from procphys_ros.view.source import Content
+from procphys_ros.view.source import PageContent
 from procphys_ros.view.surroundings import Vicinity
 
 _RUN_UP = 6.0  # [m] from the start of a ball to its target, unless the eye is closer
@@ -73,8 +73,8 @@ def effect(tool: Tool, strength: Strength) -> str:
         Tool.CHARGE: f'A click sets off {strength.charge:g} kg TNT there.'}[tool]
 
 
-def command_of(tool: Tool, hit: Hit, content: Content, direction: np.ndarray, strength: Strength,
-               vicinity: Vicinity) -> Any:
+def command_of(tool: Tool, hit: Hit, content: PageContent, direction: np.ndarray,
+               strength: Strength, vicinity: Vicinity) -> Any:
     """
     Convert a click to a command; None = only show the part.
 
@@ -115,11 +115,11 @@ def mark_of(command: Any) -> tuple[str, np.ndarray]:
     return f'{np.linalg.norm(way):.3g} N·s', way
 
 
-def _ground(content: Content, point: np.ndarray) -> float:
+def _ground(content: PageContent, point: np.ndarray) -> float:
     return float(content.terrain.height(point[None])[0])
 
 
-def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength) -> Projectile:
+def _ball(hit: Hit, content: PageContent, direction: np.ndarray, strength: Strength) -> Projectile:
     """Launch a ball along the line of sight, such that it hits the clicked point."""
     start = hit.point - direction * min(_RUN_UP, hit.distance)
     start[2] = max(start[2], _ground(content, start) + 0.5 * strength.ball_size + _CLEARANCE)
@@ -129,7 +129,7 @@ def _ball(hit: Hit, content: Content, direction: np.ndarray, strength: Strength)
                       (strength.ball_speed * aim).tolist())
 
 
-def describe(hit: Hit, content: Content) -> str:
+def describe(hit: Hit, content: PageContent) -> str:
     """Describe the clicked part or ground in few lines."""
     if hit.part == GROUND:
         return f'**ground** at {hit.point[0]:.1f}, {hit.point[1]:.1f} m'
@@ -137,6 +137,6 @@ def describe(hit: Hit, content: Content) -> str:
             f'{content.mass[hit.part]:.3g} kg')
 
 
-def title(hit: Hit, content: Content) -> str:
+def title(hit: Hit, content: PageContent) -> str:
     """Return the name of the clicked part or ground."""
     return 'ground' if hit.part == GROUND else content.name(hit.part)

@@ -26,7 +26,7 @@ _MOST = 1500  # puffs drawn at once; of more, evenly chosen ones
 _FAINTEST = 0.01  # smallest visible opacity
 
 
-class DustCloud:
+class DustSpheres:
     """
     Draw puffs; send nothing while there are none.
 

@@ -21,10 +21,10 @@ import numpy as np
 
 from procphys_ros.view import shapes
 from procphys_ros.view.batches import Group, MOST_BOXES, present, VISIBLE
-from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.source import Frame, PageContent
 
 
-class Mortar:
+class MortarBoxes:
     """
     Draw the joints of one scene, and send those whose parts move.
 
@@ -66,5 +66,5 @@ class Mortar:
         self._group.close()
 
 
-def _look(content: Content) -> str:
+def _look(content: PageContent) -> str:
     return next((name for name in content.textures if 'mortar' in name), 'mortar')

@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.palette import look
 from procphys_ros.render.texture import CLUSTERS
 from procphys_ros.view import shapes
-from procphys_ros.view.source import Content
+from procphys_ros.view.source import PageContent
 
 _NEAR = 50.0  # lengths of a leaf: distance at which it has 22 px of 1000, as in `render`
 _MOST_BLADES = 12_000  # per texture, those of the nearest clusters: 200,000 triangles
@@ -47,7 +47,7 @@ class NearLeaves:
         self._eyes = np.zeros((0, 3))
         self._turn = 0
 
-    def update(self, content: Content, poses: np.ndarray, eyes: np.ndarray) -> np.ndarray:
+    def update(self, content: PageContent, poses: np.ndarray, eyes: np.ndarray) -> np.ndarray:
         """
         Draw the near clusters.
 
@@ -70,7 +70,8 @@ class NearLeaves:
         for handle in self._handles.values():
             handle.remove()
 
-    def _show(self, content: Content, texture: int, rows: np.ndarray, poses: np.ndarray) -> None:
+    def _show(self, content: PageContent, texture: int, rows: np.ndarray,
+              poses: np.ndarray) -> None:
         name = content.textures[texture]
         most = _most(name)
         placed = np.tile(_AWAY, (most, 1))
@@ -96,7 +97,7 @@ def _most(name: str) -> int:
     return _MOST_BLADES // CLUSTERS[look(name).pattern][0]
 
 
-def _nearest(content: Content, poses: np.ndarray, eyes: np.ndarray) -> dict[int, np.ndarray]:
+def _nearest(content: PageContent, poses: np.ndarray, eyes: np.ndarray) -> dict[int, np.ndarray]:
     """Return the clusters within range, the nearest of each texture."""
     near: dict[int, np.ndarray] = {}
     if not len(eyes) or not len(poses):

@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.render import camera
 from procphys_ros.view import surroundings
-from procphys_ros.view.source import Content, Frame
+from procphys_ros.view.source import Frame, PageContent
 from procphys_ros.view.surroundings import Vicinity
 
 ALL, _PERSON = 'all', 'person'  # the whole scene, and the eye height of a person
@@ -57,7 +57,7 @@ class Outlook:
         self.object.on_update(lambda event: self._go(event, self._chosen))
         self.picture.on_click(self._save)
 
-    def list_objects(self, content: Content, is_new: bool) -> None:
+    def list_objects(self, content: PageContent, is_new: bool) -> None:
         """
         List the objects of a scene.
 

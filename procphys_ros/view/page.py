@@ -34,11 +34,11 @@ from procphys_ros.view.clicks import command_of, describe, mark_of, title, Tool
 from procphys_ros.view.commands import Inspect
 from procphys_ros.view.controls import Controls
 from procphys_ros.view.cracks import Cracks
-from procphys_ros.view.dust import DustCloud
+from procphys_ros.view.dust import DustSpheres
 from procphys_ros.view.guard import Guard
 from procphys_ros.view.library import load_viser, ViewError
 from procphys_ros.view.marks import Marks
-from procphys_ros.view.mortar import Mortar
+from procphys_ros.view.mortar import MortarBoxes
 from procphys_ros.view.outlook import Outlook
 from procphys_ros.view.picking import GROUND, pick
 from procphys_ros.view.source import Frame, Source
@@ -82,7 +82,7 @@ class Page:
         self._frame: Frame | None = None
         self._vicinity: Vicinity | None = None
         self._arrow: WindArrow | None = None
-        self._drawn: tuple[Batches, Mortar, DustCloud, Cracks, TornMeshes] | None = None
+        self._drawn: tuple[Batches, MortarBoxes, DustSpheres, Cracks, TornMeshes] | None = None
         self._eyes = np.zeros((0, 3))
         self.unit = 1.0
         self._status_due = 0.0
@@ -197,8 +197,8 @@ class Page:
         scene = self.server.scene
         self._vicinity = Vicinity.of(frame)
         self._arrow = WindArrow(scene, self.unit, self._vicinity)
-        self._drawn = (Batches(scene, self.unit), Mortar(scene, self.unit),
-                       DustCloud(scene, self.unit), Cracks(scene, self.unit),
+        self._drawn = (Batches(scene, self.unit), MortarBoxes(scene, self.unit),
+                       DustSpheres(scene, self.unit), Cracks(scene, self.unit),
                        TornMeshes(scene, self.unit))
 
 

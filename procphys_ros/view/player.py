@@ -39,7 +39,7 @@ from procphys_ros.view.commands import (
     Undo,
     UNDONE,
 )
-from procphys_ros.view.source import Content, Frame, shortened, Status
+from procphys_ros.view.source import Frame, PageContent, shortened, Status
 
 _TURN = 0.01        # [s] between checks of the clock
 _LONGEST = 0.05     # [s] of steps before commands and frames get a turn
@@ -221,12 +221,12 @@ class Player:
             self._activity = ''
         return ''
 
-    def _describe(self, before: Content | None = None) -> Content:
+    def _describe(self, before: PageContent | None = None) -> PageContent:
         blueprint = self.simulation.blueprint
         bonds, self._bonds = self._bonds, len(blueprint.bonds)
-        return Content.of(blueprint, self.simulation.names.name, self._scene,
-                          self.simulation.model.terrain, self.simulation.scene.paving,
-                          before if self._bonds == bonds else None)
+        return PageContent.of(blueprint, self.simulation.names.name, self._scene,
+                              self.simulation.model.terrain, self.simulation.scene.paving,
+                              before if self._bonds == bonds else None)
 
     def _follow(self) -> None:
         """Describe the scene again after parts have joined, or were removed by a reset."""

@@ -33,7 +33,7 @@ _NAMED = 3  # objects listed in a line
 
 
 @dataclass(frozen=True)
-class Content:
+class PageContent:
     """
     The parts of a scene; later contents of the same scene only append rows.
 
@@ -78,7 +78,7 @@ class Content:
     @classmethod
     def of(cls, blueprint: Blueprint, name: Callable[[int], str], scene: int,
            terrain: Terrain = FLAT, paving: Sequence[Paving] = (),
-           before: 'Content | None' = None) -> 'Content':
+           before: 'PageContent | None' = None) -> 'PageContent':
         """
         Describe a blueprint.
 
@@ -113,7 +113,7 @@ class Frame:
     :ivar broken: parts of the broken bonds, in pairs, oldest first, (K, 2); -1 = ground.
     """
 
-    content: Content
+    content: PageContent
     poses: np.ndarray
     leaf_poses: np.ndarray
     dust: Puffs = field(default_factory=Puffs.none)
