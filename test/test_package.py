@@ -116,6 +116,17 @@ def test_docstrings_say_more_than_give():
     assert not found
 
 
+def test_no_two_classes_share_a_name():
+    """Define each class name once in the package, nested classes too."""
+    places: dict[str, list[str]] = {}
+    for path in MODULES:
+        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+            if isinstance(node, ast.ClassDef):
+                place = f'{path.relative_to(ROOT)}:{node.lineno}'
+                places.setdefault(node.name, []).append(place)
+    assert {name: found for name, found in places.items() if len(found) > 1} == {}
+
+
 @pytest.fixture(scope='module')
 def loaded() -> set[str]:
     """Import everything below the ROS edge in a new process, and list what that has loaded."""
