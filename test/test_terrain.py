@@ -174,6 +174,61 @@ def test_a_fast_body_does_not_go_through_the_ground():
     assert low > 0.05
 
 
+def ridged(kind, height):
+    """Return a level field of 8 m with a ridge, a diagonal ridge or a peak in its middle."""
+    heights = np.zeros((9, 9))
+    if kind == 'peak':
+        heights[4, 4] = height
+    elif kind == 'ridge':
+        heights[4] = height
+    else:
+        heights[np.arange(9), 8 - np.arange(9)] = height
+    return Terrain(heights, np.zeros(2), 1.0)
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+@pytest.mark.parametrize('kind', ['ridge', 'diagonal', 'peak'])
+@pytest.mark.parametrize(('shape', 'size'), [
+    (Shape.BOX, [4.0, 0.2, 0.2]), (Shape.BOX, [3.0, 3.0, 0.2]), (Shape.CAPSULE, [0.2, 0.2, 4.0])])
+def test_what_bridges_uneven_ground_lies_on_it(engine, kind, shape, size):
+    """Lay a beam, a slab and a pole over what stands up between their corners."""
+    turn = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]),
+                                    np.array(0.25 * np.pi if kind == 'diagonal' else 0.05))
+    if shape == Shape.CAPSULE:
+        turn = rotation.multiply(turn, rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]),
+                                                                np.array(0.5 * np.pi)))
+    for height in (0.05, 1.0):
+        with World(engine=engine, terrain=ridged(kind, height)) as world:
+            body = world.add_body(shape, np.array(size), 20.0,
+                                  np.array([4.0, 4.0, height + 0.2, *turn]))
+            for _ in range(24):
+                world.step(STEP)
+            assert world.poses([body])[0, 2] - height == pytest.approx(0.1, abs=0.01)
+
+
+def test_rubble_does_not_sink_into_rough_ground():
+    """Pour boxes and poles on sharp hills: no point of them ends below the surface by far."""
+    rng = np.random.default_rng(1)
+    terrain = Terrain(rng.uniform(0.0, 0.6, (25, 25)), np.zeros(2), 0.5)
+    with World(engine='native', terrain=terrain) as world:
+        shapes = [(Shape.CAPSULE, [0.2, 0.2, rng.uniform(0.3, 3.0)]) if k % 3 == 0 else
+                  (Shape.BOX, rng.uniform(0.1, 1.8, 3)) for k in range(20)]
+        for k, (shape, size) in enumerate(shapes):
+            turn = rng.normal(size=4)
+            world.add_body(shape, np.array(size), 200.0, np.array([
+                *rng.uniform(2.0, 10.0, 2), 1.5 + 0.25 * k, *turn / np.linalg.norm(turn)]))
+        for _ in range(360):
+            world.step(STEP)
+        for body, (shape, size) in enumerate(shapes, 1):
+            along = np.linspace(-0.5, 0.5, 21)
+            inside = np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3) * size
+            if shape == Shape.CAPSULE:
+                inside = inside[np.hypot(*inside[:, :2].T) < 0.09]
+            pose = world.poses([body])[0]
+            points = rotation.rotate(pose[3:], inside) + pose[:3]
+            assert (terrain.height(points) - points[:, 2]).max() < 0.1
+
+
 def test_a_world_takes_its_terrain_along():
     """Restore a world on its hillside from what was saved."""
     with World(terrain=slope(0.2)) as world:

@@ -21,8 +21,9 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.physics.rigid.ground import MOST_ON_GROUND, touch_ground
 from procphys_ros.physics.rigid.manifold import MOST, touch
-from procphys_ros.physics.rigid.pieces import point_velocity, ROUND, SLOP, spin_of
+from procphys_ros.physics.rigid.pieces import point_velocity, SLOP, spin_of
 from procphys_ros.physics.rigid.vectors import at, dot, INLINE, LEAN, length, less
 from procphys_ros.physics.terrain import height_at, normal_at
 
@@ -110,8 +111,9 @@ def find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_s
     :param before: contacts of the previous step.
     :returns: contact rows and the number of them in use.
     """
-    out = no_contacts(MOST * len(pairs) + _CORNERS * len(rows) + len(extra[0]))
-    points, normals = np.empty((_CORNERS, 4)), np.empty((_CORNERS, 3))
+    most = _CORNERS if terrain.heights.shape[0] == 0 else MOST_ON_GROUND
+    out = no_contacts(MOST * len(pairs) + most * len(rows) + len(extra[0]))
+    points, normals = np.empty((MOST_ON_GROUND, 4)), np.empty((MOST_ON_GROUND, 3))
     count = _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_step,
                   before, out, points, normals, np.empty((2, 16, 4)))
     return out, count
@@ -141,7 +143,8 @@ def _find(rows, is_free, pairs, pieces, poses, velocities, extra, terrain, time_
     for m in range(len(rows)):
         if is_free[m]:
             p = rows[m]
-            found = _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals)
+            found = touch_ground(p, pieces, poses, velocities, terrain, time_step, points,
+                                 normals)
             old = _write(out, count, found, (_GROUND << 32) | p, pieces.body[p], 0, points,
                          normals, poses, before, old)
             _roll(out, count, found, pieces.radius[p], 0.0)
@@ -236,32 +239,6 @@ def _approach(p, q, pieces, poses, velocities):
     two = point_velocity(poses[b], velocities[b], pieces.centre[q])
     return (length(less(one, two)) + spin_of(velocities[a]) * pieces.reach[p]
             + spin_of(velocities[b]) * pieces.reach[q])
-
-
-@subroutine(**LEAN)
-def _on_ground(p, pieces, poses, velocities, terrain, time_step, points, normals):
-    """Find the corners of a piece that touch the ground, and the ground's normals there."""
-    if terrain.heights.shape[0] == 0 and pieces.bounds[p, 2] > 0.0:
-        return 0
-    body = pieces.body[p]
-    speed = (length(point_velocity(poses[body], velocities[body], pieces.centre[p]))
-             + spin_of(velocities[body]) * pieces.reach[p])
-    margin = SLOP + speed * time_step
-    last = 2 if pieces.kind[p] == ROUND else 8
-    if pieces.kind[p] == ROUND and pieces.size[p, 2] <= pieces.size[p, 0]:
-        last = 1
-    count = 0
-    for c in range(last):
-        corner = at(pieces.corners[p], c)
-        n = normal_at(terrain, corner[0], corner[1])
-        gap = (corner[2] - height_at(terrain, corner[0], corner[1])) * n[2] - pieces.radius[p]
-        if gap < margin:
-            down = pieces.radius[p] + 0.5 * gap
-            for i in range(3):
-                points[count, i], normals[count, i] = corner[i] - down * n[i], n[i]
-            points[count, 3] = gap
-            count += 1
-    return count
 
 
 @subroutine(**LEAN)
