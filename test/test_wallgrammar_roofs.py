@@ -105,3 +105,29 @@ def test_boards_cover_the_steps_of_gables():
         reach = (np.abs(places[course, 1] - 2.5) + 0.5 * blueprint.size[gable[course], 0]).max()
         line = peak - slope * reach
         assert line - half < level - 0.0325 and level + 0.0325 < line + half
+
+
+@pytest.mark.parametrize('roof', ['gable(40)', 'hip(40)'])
+@pytest.mark.parametrize('yaw', [0.0, 0.5, 0.5 * np.pi])
+def test_seats_lie_across_what_they_bear(roof, yaw):
+    """Let seats on plates be as wide as rafters and hips, and as long as plates, on all sides."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = ' '.join(f'({c * x - s * y:.9f}, {s * x + c * y:.9f})'
+                       for x, y in ((0, 0), (8, 0), (8, 5), (0, 5)))
+    text = _TEXT.replace('(0, 0) (width, 0) (width, depth) (0, depth)', corners)
+    built = WallGrammar.parse(text.format(roof=roof)).build()
+    kinds = np.array(built.kinds)[built.kind][built.bonds]
+    seats = np.flatnonzero((kinds[:, 0] == 'plate') & np.isin(kinds[:, 1], ('rafter', 'hip')))
+    assert len(seats) >= 2 * 14
+    across = rotation.rotate(built.bond_frame[seats, 3:], np.array([1.0, 0.0, 0.0]))
+    length = rotation.rotate(built.poses[built.bonds[seats, 1], 3:], np.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose((across * length).sum(axis=1), 0.0, atol=1e-9)
+    np.testing.assert_allclose(built.bond_extent[seats, 0], 0.05)
+
+
+def test_struts_of_hips_are_as_far_from_either_wall():
+    """Set the struts between the ties of a hip roof about the middle of the plan."""
+    built = build('hip(40)')
+    places = built.poses[rows_of(built, 'tie'), :2]
+    left, right = (np.unique(y.round(5)) for y in (places[:, 1], 5.0 - places[:, 1]))
+    np.testing.assert_allclose(left, right, atol=1e-5)

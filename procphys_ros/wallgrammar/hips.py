@@ -129,20 +129,21 @@ class HipRoof(Roof):
         bottom = self._apex_level()
         end = int(self.low[axis] + self.high[axis]) // 2
         block = self._block(axis, end, middle, bottom, crest)
-        place = self.site.frames[self.site.boxes().frame[post[-1]]][:3] + [0.0, 0.0,
-                                                                           bottom / MICRO]
+        frame = self.site.frames[self.site.boxes().frame[post[-1]]]
+        place = frame[:3] + [0.0, 0.0, bottom / MICRO]
         self._bond(post[-1:], np.array([block]), place[None], np.array([[0.0, 0.0, 1.0]]),
-                   (2.0 * _POST, 2.0 * _POST), np.array([[0.5, 0.5 * _CAP[2]]]))
+                   (2.0 * _POST, 2.0 * _POST), np.array([[0.5, 0.5 * _CAP[2]]]),
+                   rotation.rotate(frame[3:], np.array([1.0, 0.0, 0.0])))
 
     def _strut(self, axis: int) -> None:
         """Set struts between the ties, to hold the plates below the hipped ends."""
         across = 1 - axis
         low, high = int(self.low[across]), int(self.high[across])
-        places = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
+        middles = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
         ties = self._tie_places(axis)
         starts = [int(self.low[axis]) + self.plate, *(place + TIE[0] for place in ties)]
         ends = [*ties, int(self.high[axis]) - self.plate]
-        for place in places.astype(int).tolist():
+        for place in (middles.astype(int) - TIE[0] // 2).tolist():
             for start, end in zip(starts, ends):
                 self._timber(axis, (start, end), (place, place + TIE[0]), self.height,
                              self.height + self.gauge, 0, 'tie')
@@ -225,7 +226,8 @@ class HipRoof(Roof):
         points[0, 2] = self.eaves + 0.5 * seat * tan(slope)
         reach = np.array([[0.5 * self.gauge / MICRO, 0.5 * depth]])
         self._bond(self._nearest(plates, points[:1]), parts[:1], points[:1],
-                   np.array([[0.0, 0.0, 1.0]]), (_HIP, 2 * seat), reach)
+                   np.array([[0.0, 0.0, 1.0]]), (_HIP, 2 * seat), reach,
+                   rotation.rotate(pose[3:], np.array([0.0, 1.0, 0.0])))
         normal = rotation.rotate(pose[3:], np.array([1.0, 0.0, 0.0])) * [1.0, 1.0, 0.0]
         self._bond(parts[-1:], self._nearest(ridge, points[1:]), points[1:],
                    (normal / norm(normal))[None], (_HIP, depth),

@@ -176,8 +176,9 @@ class Roof:
         upright = np.tile([0.0, 0.0, 1.0], (len(points), 1))
         reach = np.tile([0.5 * self.gauge / MICRO, 0.5 * self.depth], (len(points), 1))
         # A long rafter is cut in pieces: the one over the plate carries.
+        eaves = rotation.rotate(slope.pose[3:], np.array([0.0, 1.0, 0.0]))
         self._bond(self._nearest(plates, points), rafters.foot, points, upright,
-                   (RAFTER, width), reach)
+                   (RAFTER, width), reach, eaves)
 
     def _square_end(self, slope: Slope, rafters: Ends) -> np.ndarray:
         """Locate the middles of the rafters' upper ends [m], (n, 3)."""
@@ -205,11 +206,12 @@ class Roof:
         return rows[np.argmin((outside * outside).sum(axis=-1), axis=1)]
 
     def _bond(self, first: np.ndarray, second: np.ndarray, points: np.ndarray,
-              normals: np.ndarray, extent: tuple[float, float], reach: np.ndarray) -> None:
-        """Bond parts of different frames; the patch's x lies level."""
+              normals: np.ndarray, extent: tuple[float, float], reach: np.ndarray,
+              ahead: np.ndarray | None = None) -> None:
+        """Bond parts of different frames; the patch's x lies level, `ahead` in level patches."""
         level = np.cross([0.0, 0.0, 1.0], normals)
-        steep = norm(level, axis=1) < 1e-6
-        level[steep] = [1.0, 0.0, 0.0]
+        if ahead is not None:
+            level[:] = ahead
         level /= norm(level, axis=1, keepdims=True)
         axes = np.stack([level, np.cross(normals, level), normals], axis=-1)
         n = len(points)
