@@ -210,6 +210,20 @@ def test_spires_are_sound(footprint, pitch):
     assert holds(spire)
 
 
+@pytest.mark.parametrize('count', [6, 10, 12])
+def test_spires_are_the_same_whichever_way_they_are_turned(count):
+    """Choose the corners of solid courses and caps alike, also where two are as near."""
+    places = []
+    for turn in (0.0, 0.6, 1.1):
+        angles = turn + 2.0 * np.pi * np.arange(count) / count
+        plan = ' '.join(f'({2 * np.cos(a):.9f}, {2 * np.sin(a):.9f})' for a in angles)
+        built = WallGrammar.parse(SPIRE.format(footprint=plan, pitch=76, height=0.19,
+                                               joint=0.01)).build().placed((0, 0, 0), -turn)
+        places.append(built.poses[built.kind == built.kinds.index('spire'), :3])
+    for other in places[1:]:
+        assert cKDTree(places[0]).query(other)[0].max() < 1e-4
+
+
 @pytest.mark.parametrize('seed', range(4))
 def test_any_regular_spire_is_built_or_said_to_be_impossible(seed):
     """Draw plans of 4 to 32 sides, pitches, stones and joints: no stone hangs in the air."""

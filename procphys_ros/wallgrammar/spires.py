@@ -34,6 +34,7 @@ _NEAR_END = 0.35   # of a unit: no joint stands nearer to a corner
 _BLUNT = acos(0.5 * (np.sqrt(5.0) - 1.0))  # [rad] turn below which tan is less than 1 / sin
 _MOST_SECTORS = 8  # corners of solid courses, whose stones fill two sectors each
 _LEAST_CAP = 0.1   # [m] width of the cap: stones under a smaller one would have no beds
+_ALIKE = 1e-5      # [rad] tolerance of equal angles between corners in whole micrometres
 _LEAST_LAP = 0.5   # of the thickness: overlap of each course with the one below
 
 
@@ -79,7 +80,7 @@ class Pyramid:
         angle = atan2(*outline.T[::-1]) - atan2(*outline[0, ::-1])
         aside = angle[:, None] - 2.0 * np.pi * np.arange(most) / most
         aside = np.abs((aside + np.pi) % (2.0 * np.pi) - np.pi)
-        return np.unique(np.argmin(aside, axis=0))
+        return np.unique(np.argmax(aside < aside.min(axis=0) + _ALIKE, axis=0))  # the first
 
     def is_solid(self, level: float) -> bool:
         """Return whether a course that ends at a height leaves no hollow, or no room for sides."""
