@@ -264,6 +264,8 @@ def test_growth_is_bounded():
 def test_errors_while_deriving():
     """Name the place of an expression that has no value."""
     for rule, words in (('A(x) -> A(1/x)', 'division of 1 by zero'),
+                        ('A(x) -> A(x/0)', 'division of 0 by zero'),
+                        ('A(x) -> A(x % 0)', 'remainder of 0 by zero'),
                         ('A(x) : log(x) > 0 -> B', r'log\(0\)'),
                         ('A(x) -> B : x - 1', 'weight -1 is negative')):
         with pytest.raises(GrammarError, match=words) as caught:

@@ -38,7 +38,8 @@ def _finite(value: Value, what: str) -> Value:
 
 def _first(values: Value, wrong: np.ndarray) -> str:
     """Format the first of the offending values."""
-    return f'{np.broadcast_to(values, np.shape(wrong))[wrong].flat[0]:g}'
+    shown, wrong = np.broadcast_arrays(values, wrong)
+    return f'{shown[wrong].flat[0]:g}'
 
 
 def _refuse_where(wrong: np.ndarray, values: Value, what: str) -> None:
