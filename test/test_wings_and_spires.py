@@ -21,6 +21,7 @@ import pytest
 from scipy.spatial import cKDTree
 from test_wallgrammar_roofs import open_share
 
+from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
 from procphys_ros.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
@@ -263,6 +264,21 @@ def test_wings_are_bonded_to_the_building(footprint, roof):
     joined = np.abs(church.bond_frame[:, 0] - side) < 1e-6
     first, second = church.bonds[joined].T
     assert joined.sum() > 20 and ((x[first] - side) * (x[second] - side) < 0.0).all()
+
+
+@pytest.mark.parametrize(('corners', 'along'), [
+    ('(8, 0) (11, 0) (11, 5) (8, 5)', 0), ('(11, 0) (11, 5) (8, 5) (8, 0)', 1),
+    ('(8, 0) (15, 0) (15, 4) (12, 4) (12, 7) (8, 7)', 0),
+    ('(15, 0) (15, 4) (12, 4) (12, 7) (8, 7) (8, 0)', 1)])
+def test_the_ridge_of_a_wing_runs_along_its_first_edge(corners, along):
+    """Turn the roof of a wing by the order of its corners, over rectangles and with valleys."""
+    built = WallGrammar.parse(WINGS.format(footprint=corners, height=2, roof='gable(45)')).build()
+    ridges = np.flatnonzero(built.kind == built.kinds.index('ridge'))
+    ridges = ridges[built.poses[ridges, 0] > 6.0]
+    ways = rotation.rotate(built.poses[ridges, 3:], np.array([1.0, 0.0, 0.0]))
+    lengths = np.abs(ways * built.size[ridges, :1]).sum(axis=0)  # a bar's ridge is the longer one
+    assert np.argmax(lengths) == along
+    assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
 
 
 @pytest.mark.parametrize(('text', 'message'), [

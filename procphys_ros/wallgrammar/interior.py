@@ -197,7 +197,8 @@ class Interior:
                 f'a {call.name} roof needs a rectangular footprint, found '
                 f'{len(self.plan.facades)} corners; use flat or none')
         if call.name == 'gable':  # the ridge runs along the first facade
-            GableRoof(self.site, self.walls, level, pitch, 0, self.neighbours).build()
+            axis = self.walls[0].facade.quarter % 2
+            GableRoof(self.site, self.walls, level, pitch, axis, self.neighbours).build()
         else:  # along the longer side
             longer = int(np.argmax(np.ptp(self.plan.corners, axis=0)))
             HipRoof(self.site, self.walls, level, pitch, longer, self.neighbours).build()

@@ -81,7 +81,9 @@ def divide(plan: Footprint, pitch: float, place: Place) -> Division:
     :param place: of the roof in its text.
     :raises GrammarError: for plans that cannot be divided, or leave roofs no room.
     """
-    found = [division for axis in (0, 1) if (division := _along(plan, axis)) is not None]
+    first = plan.facades[0].quarter % 2
+    found = [division for axis in (first, 1 - first)
+             if (division := _along(plan, axis)) is not None]
     if not found:
         raise place.error(
             f'a gable roof needs a rectangle, or a bar with narrower wings at right angles (L, T, '
