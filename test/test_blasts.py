@@ -15,7 +15,7 @@
 
 """Explosions: waves on walls, panes, trees and what lies about."""
 
-from masonry_walls import bonded, wall, wall_boxes
+from masonry_walls import bonded, braced, wall, wall_boxes
 import numpy as np
 import pytest
 
@@ -316,3 +316,20 @@ def test_panes_break_where_windows_do(pressure, breaks):
     simulation.step(20)
     standing = simulation.state.standing[:len(pane)]
     assert standing[pane].any() != breaks and standing[~pane].all()
+
+
+def test_a_blast_tears_the_same_out_of_a_wall_that_is_turned():
+    """Compare walls along x, y, and between: those out of line came out in smaller pieces."""
+    seen = []
+    for turn in (0.0, 0.5 * np.pi, np.radians(30.0), np.radians(45.0)):
+        scene = Scene.from_parameters({'scene': {'objects': []}})
+        scene.add(braced(16, 32, 1.5e6), (0.0, 0.0, 0.0), turn, 'wall')
+        simulation = Simulation(scene)
+        c, s = np.cos(turn), np.sin(turn)
+        simulation.explode((1.8 * c + 4.0 * s, 1.8 * s - 4.0 * c, 1.2), 4.5)
+        simulation.step(2)
+        events = simulation.events
+        seen.append(np.sort(events['bond'][events['cause'] == Cause.BLAST]))
+    assert len(seen[0]) > 600
+    for other in seen[1:]:
+        np.testing.assert_array_equal(other, seen[0])

@@ -93,7 +93,7 @@ def _comes_out(rows, shaken, inside, bodies, topology, wrench, joints, strength)
     force, work = _withstood(shaken[rows], inside, way, topology, wrench, joints, strength)
     if not moved > work:
         return False
-    span = max(_middle_extent(places, rows), _BRICK)
+    span = max(_middle_extent(places, edges, rows), _BRICK)
     thickness = _thickness(places, edges, rows, way)
     rate = WALL_RATE * thickness / _LEAF * (_STOREY / span) ** 2
     rate = min(rate, 2.0 / _quantile(np.sort(pulse[rows]), 0.5))
@@ -122,13 +122,16 @@ def _withstood(parts, inside, way, topology, wrench, joints, strength):
 
 
 @subroutine
-def _middle_extent(places, rows):
-    """Return the median of the three extents of some positions [m]."""
-    extent = np.empty(3)
+def _middle_extent(places, edges, rows):
+    """Return the median of the three extents of some positions along the first's edges [m]."""
+    extent, edge = np.empty(3), edges[rows[0]]
     for c in range(3):
-        low = high = places[rows[0], c]
+        length = np.sqrt(edge[0, c] ** 2 + edge[1, c] ** 2 + edge[2, c] ** 2)
+        low, high = np.inf, -np.inf
         for row in rows:
-            low, high = min(low, places[row, c]), max(high, places[row, c])
+            place = (places[row, 0] * edge[0, c] + places[row, 1] * edge[1, c]
+                     + places[row, 2] * edge[2, c]) / length
+            low, high = min(low, place), max(high, place)
         extent[c] = high - low
     return extent.sum() - extent.min() - extent.max()
 
