@@ -15,6 +15,8 @@
 
 """Branch loads: contact loads of branches on standing walls."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from procphys_ros.elementary import exp, expm1
@@ -80,17 +82,19 @@ def update(model: Model, state: State, dt: float) -> None:
     own, contacts = state.branch_loads, state.contacts
     if not (len(contacts) or len(own.parts)):
         return
-    chosen, (total,) = _per_part(contacts.part, contacts.impulse)
+    chosen, (total,) = _per_part(contacts.part, masonry.about_centres(
+        state, contacts.part, contacts.point, contacts.impulse))
     if not len(chosen) and not len(own.parts):
         return
     before, standing = len(own.parts), state.standing
     both, place = np.unique(np.concatenate([own.parts, chosen]), return_inverse=True)
-    mean, blow, now = np.zeros((3, len(both), 3))
+    mean, blow, now = np.zeros((3, len(both), 6))
     mean[place[:before]], blow[place[:before]] = own.mean, own.blow
     now[place[before:]] = -total / dt
     beyond = now - mean
     blow = exp(-masonry.WALL_RATE * dt) * blow + dt * beyond
-    struck = masonry.WALL_RATE * norm(blow, axis=1) > np.maximum(_HEAVY, norm(mean, axis=1))
+    beats = masonry.WALL_RATE * norm(blow[:, :3], axis=1)
+    struck = beats > np.maximum(_HEAVY, norm(mean[:, :3], axis=1))
     struck &= now.any(axis=1) & standing[both]
     if struck.any():
         speed = np.zeros(len(state.parts.owner))
@@ -98,7 +102,7 @@ def update(model: Model, state: State, dt: float) -> None:
         np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
         masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
     mean -= expm1(-dt / SMOOTHING) * beyond
-    felt = (norm(mean, axis=1) > _LEAST) | (masonry.WALL_RATE * norm(blow, axis=1) > _LEAST)
+    felt = (norm(mean[:, :3], axis=1) > _LEAST) | (beats > _LEAST)
     own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
     own.since += dt
     if own.since > INTERVAL - 1e-9 or not len(own.parts):
@@ -109,17 +113,22 @@ def update(model: Model, state: State, dt: float) -> None:
 def _hand_over(state: State, standing: np.ndarray) -> None:
     """Apply the lasting loads to the walls if they have changed."""
     own = state.branch_loads
-    heavy = standing[own.parts] & (norm(own.mean, axis=1) > _HEAVY)
-    now = dict(zip(own.parts[heavy].tolist(), own.mean[heavy]))
-    none = np.zeros(3)
-    change = max((norm(now.get(part, none) - own.given.get(part, none))
-                  for part in now.keys() | own.given.keys()), default=0.0)
-    largest = max((norm(force) for force in now.values()), default=0.0)
-    if change > _CHANGE * largest:
+    heavy = standing[own.parts] & (norm(own.mean[:, :3], axis=1) > _HEAVY)
+    parts, mean = own.parts[heavy], own.mean[heavy]
+    now, none = dict(zip(parts.tolist(), mean)), np.zeros(6)
+    both = np.array(sorted(now.keys() | own.given.keys()), np.intp)
+    change = [now.get(part, none) - own.given.get(part, none) for part in both.tolist()]
+    if _largest(state, both, change) > _CHANGE * _largest(state, parts, mean):
         own.given = now
-        wrenches = np.zeros((len(now), 6))
-        wrenches[:, :3] = own.mean[heavy]
-        state.loads.set_layer(_LAYER, own.parts[heavy], wrenches)
+        state.loads.set_layer(_LAYER, parts, mean)
+
+
+def _largest(state: State, parts: np.ndarray, wrenches: Sequence[np.ndarray]) -> float:
+    """Give the largest force on a part, a moment being one at its reach [N]."""
+    force, moment = np.split(np.reshape(wrenches, (-1, 6)), 2, axis=1)
+    lever = state.solver.graph.reach[parts]
+    return float(max(norm(force, axis=1).max(initial=0.0),
+                     (norm(moment, axis=1) / lever).max(initial=0.0)))
 
 
 def _per_part(parts: np.ndarray,

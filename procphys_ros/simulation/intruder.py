@@ -167,7 +167,8 @@ def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: floa
             force += _drive_out(model, state, plug, speed, push) / len(rows) / dt
         else:
             parts.append(near.part[rows])
-            wrenches.append(np.hstack([force[:, None] * push, np.zeros((len(rows), 3))]))
+            wrenches.append(masonry.about_centres(state, near.part[rows], point[rows],
+                                                  force[:, None] * push))
         own.from_wall[:3] -= force.sum() * push
         own.from_wall[3:] -= np.cross(arm, force[:, None] * push).sum(axis=0)
     state.loads.set_layer(f'intruder {name}', np.concatenate(parts), np.concatenate(wrenches))

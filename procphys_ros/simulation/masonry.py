@@ -210,6 +210,22 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
                          impulses[:, :3] if carried else 0.0)
 
 
+def about_centres(state: State, parts: np.ndarray, points: np.ndarray,
+                  pushes: np.ndarray) -> np.ndarray:
+    """
+    Give what forces or impulses in points of standing parts are about the centres of these.
+
+    A post is bent by what strikes its head, and not by what strikes its foot.
+
+    :param parts: (K,) indices.
+    :param points: where they act [m], world, (K, 3).
+    :param pushes: world, (K, 3).
+    :returns: these, and their moments, (K, 6).
+    """
+    arms = points - state.parts.poses[parts, :3]
+    return np.hstack([pushes, np.cross(arms, pushes)])
+
+
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,
                          impulse: np.ndarray, speed: float) -> None:
     """

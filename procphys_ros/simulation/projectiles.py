@@ -250,8 +250,8 @@ def _hit_wall(model: Model, state: State, missile: Missile, hits: Hits, way: np.
     if out is None:
         _bounce(velocity, normal, closing)
         lost = missile.mass * (before - velocity[:3])
-        masonry.apply_impulses(state, parts, np.tile(lost / len(parts), (len(parts), 1)),
-                               speed=float(norm(before)))
+        pushes = _pushes(model, state, missile, pose, _take(hits, np.arange(len(parts))), lost)
+        masonry.apply_impulses(state, parts, pushes, speed=float(norm(before)))
         _record(state, missile, point, parts, False, lost, np.zeros(3), 0.0)
         return False
     velocity[:3] -= (momentum / missile.mass - out.speed) * direction
@@ -282,6 +282,35 @@ def _patch(model: Model, missile: Missile, pose: np.ndarray, normal: np.ndarray,
     across = np.abs(rotation.rotate(rotation.conjugate(model.blueprint.poses[parts, 3:]), normal))
     met = solid.prod(axis=1) / (solid * across).sum(axis=1)
     return math.sqrt(min(own, float(met.sum())) / math.pi)
+
+
+def _pushes(model: Model, state: State, missile: Missile, pose: np.ndarray, hits: Hits,
+            lost: np.ndarray) -> np.ndarray:
+    """Share a momentum out to what was touched: impulses and their moments, (K, 6)."""
+    flat = _patch(model, missile, pose, hits.normal[0], hits.index) > 0.0
+    places = _middles(model, missile, pose, hits) if flat else hits.point
+    return masonry.about_centres(state, hits.index, places,
+                                 np.tile(lost / len(hits), (len(hits), 1)))
+
+
+def _middles(model: Model, missile: Missile, pose: np.ndarray, hits: Hits) -> np.ndarray:
+    """
+    Give the middles of what a flat face covers of parts, world [m], (K, 3).
+
+    The points of a sweep are those nearest to the middle of the face, at the rims of most parts.
+    """
+    parts = hits.index
+    solid, half = model.blueprint.poses[parts], 0.5 * model.blueprint.size[parts]
+    back = rotation.conjugate(solid[:, 3:])
+    edges = rotation.rotate(pose[3:], np.diag(0.5 * missile.size))
+    reach = np.abs(rotation.rotate(back[:, None], edges)).sum(axis=1)
+    middle = rotation.rotate(back, pose[:3] - solid[:, :3])
+    covered = 0.5 * (np.maximum(-half, middle - reach) + np.minimum(half, middle + reach))
+    touch = rotation.rotate(back, hits.point - solid[:, :3])
+    out = np.abs(rotation.rotate(back, hits.normal)).argmax(axis=1)
+    each = np.arange(len(parts))
+    covered[each, out] = touch[each, out]
+    return solid[:, :3] + rotation.rotate(solid[:, 3:], covered)
 
 
 def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:

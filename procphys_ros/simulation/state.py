@@ -78,15 +78,15 @@ class BranchLoads:
     Loads of branches on standing parts.
 
     :ivar parts: loaded ones, (K,).
-    :ivar mean: smoothed force on each [N], world, (K, 3).
-    :ivar blow: excess over it within a period of a wall [N·s], world, (K, 3).
-    :ivar given: force per part as set in the stress solver [N].
+    :ivar mean: smoothed force on each, and moment about its centre [N], [N·m], world, (K, 6).
+    :ivar blow: excess over it within a period of a wall [N·s], [N·m·s], world, (K, 6).
+    :ivar given: force and moment per part as set in the stress solver [N], [N·m].
     :ivar since: time since the last update of `given` [s].
     """
 
     parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
-    mean: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
-    blow: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
+    mean: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
+    blow: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     given: dict[int, np.ndarray] = field(default_factory=dict)
     since: float = 0.0
 
