@@ -281,6 +281,16 @@ def test_the_ridge_of_a_wing_runs_along_its_first_edge(corners, along):
     assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
 
 
+@pytest.mark.parametrize(('footprint', 'height', 'roof'), [
+    ('(3, -2) (3, 0) (1, 0) (1, -2)', 0.6, 'gable(20)'), ('(3, -2) (3, 0) (1, 0) (1, -2)', 0.2,
+                                                          'spire(75)'),
+    ('(1, -2) (3, -2) (3, -0.41) (1, -0.41)', 6, 'none')])
+def test_wings_below_and_beside_eaves_keep_clear_of_them(footprint, height, roof):
+    """Build what is lower than eaves with its roof, or stands off them, without an overlap."""
+    built = WallGrammar.parse(WINGS.format(footprint=footprint, height=height, roof=roof)).build()
+    assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
+
+
 @pytest.mark.parametrize(('text', 'message'), [
     (PIER.format(footprint=FREE, thick=ENGLISH, out=0.2, height=1.8, top=1.35, room=1, joint=0.01,
                  extra=''), 'extrude it by 0 to 0.1125 m'),
@@ -299,6 +309,12 @@ def test_the_ridge_of_a_wing_runs_along_its_first_edge(corners, along):
      'the plans of "tower" and "hall" overlap'),
     (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=6, roof='none'),
      '"tower" stands there; build it against a gable'),
+    (WINGS.format(footprint='(3, -2) (3, 0) (1, 0) (1, -2)', height=1.4, roof='gable(45)'),
+     '"tower" stands there; build it against a gable'),
+    (WINGS.format(footprint='(3, -2) (3, 0) (1, 0) (1, -2)', height=1.4, roof='spire(80)'),
+     '"tower" stands there; build it against a gable'),
+    (WINGS.format(footprint='(1, -2) (3, -2) (3, -0.3) (1, -0.3)', height=6, roof='none'),
+     'reach 0.40 m out of its walls, and "tower" stands there'),
     (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=6, roof='none').replace(
         '(0, 4)\n  facades: wall\n', '(0, 4)\n'), 'the building needs "facades:"'),
     (WINGS.format(footprint='(-2, 1) (0, 1) (0, 3) (-2, 3)', height=6, roof='none').replace(

@@ -15,14 +15,15 @@
 """Bodies: a building and its wings, each with walls, floors and a roof of its own."""
 
 from collections.abc import Iterator, Sequence
+from copy import deepcopy
 from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.elementary import cos, hypot, sin
+from procphys_ros.elementary import cos, hypot, sin, tan
 from procphys_ros.language import Expression
 from procphys_ros.linear import norm, product
-from procphys_ros.wallgrammar import footprint, walls
+from procphys_ros.wallgrammar import footprint, slopes, walls
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
@@ -170,13 +171,17 @@ class Neighbour(NamedTuple):
 
     :ivar name: of the body.
     :ivar low, high: its bounding rectangle in the first frame [µm], (2,).
-    :ivar top: height of its walls, or of its roof [µm].
+    :ivar top: height of its walls [µm].
+    :ivar crest: height of the vertical extension of the walls: a gable with its roof [µm].
+    :ivar lean: rise over distance of a roof that leans back from the walls, a hip or a spire.
     """
 
     name: str
     low: np.ndarray
     high: np.ndarray
     top: int
+    crest: int
+    lean: float
 
 
 def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
@@ -186,8 +191,31 @@ def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
     corners = micros(product(np.concatenate([other.plan.points for other in bodies]), turn))
     starts = np.cumsum([0] + [len(other.plan.points) for other in bodies[:-1]])
     low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
-    return [Neighbour(other.building.name, low[i], high[i], other.height)
+    return [Neighbour(other.building.name, low[i], high[i], other.height,
+                      *_over(other, float((high[i] - low[i]).min()) / MICRO))
             for i, other in enumerate(bodies) if other is not body]
+
+
+def _over(body: Body, width: float) -> tuple[int, float]:
+    """
+    Return the height of a body with its roof: `Neighbour.crest` and `Neighbour.lean`.
+
+    :param width: of the body, across the ridge of a gable [m].
+    """
+    call = body.building.roof
+    if call is None or call.name not in ('gable', 'hip', 'spire') or len(call.arguments) != 1:
+        return body.height, 0.0
+    generator = deepcopy(body.deriver.generator)  # what is drawn here is drawn again
+    pitch = float(np.radians(call.arguments[0].number(body.deriver.values, generator)))
+    if not 0.0 < pitch < 0.5 * np.pi:
+        return body.height, 0.0  # refused when it is built
+    lean = float(tan(pitch))
+    if call.name == 'spire':
+        return body.height, lean
+    cover = (slopes.rafter_depth(0.5 * width, pitch) + slopes.COVER) / float(cos(pitch))
+    if call.name == 'hip':
+        return body.height + micro(cover), lean
+    return body.height + micro(0.5 * width * lean + cover), 0.0
 
 
 def check_apart(bodies: Sequence[Body]) -> None:

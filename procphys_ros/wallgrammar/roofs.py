@@ -19,13 +19,21 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros import rotation
-from procphys_ros.elementary import atan2, cos, tan
+from procphys_ros.elementary import atan2, cos, sin, tan
 from procphys_ros.linear import norm
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.slopes import Ends, OVERHANG, RAFTER, rafter_depth, Slope, TILE_AREA
+from procphys_ros.wallgrammar.slopes import (
+    COVER,
+    Ends,
+    OVERHANG,
+    RAFTER,
+    rafter_depth,
+    Slope,
+    TILE_AREA,
+)
 from procphys_ros.wallgrammar.walls import Elevation
 
 RIDGE = 0.075         # [m] thickness of the ridge board
@@ -81,9 +89,10 @@ class Roof:
     def _check_eaves(self) -> None:
         """Check that no wall stands in the way of the eaves of this roof."""
         drop = micro(OVERHANG * tan(self.pitch) + _EAVES_ROOM)
-        reach = micro(OVERHANG + _EAVES_ROOM)
+        # The battens and tiles on square ends of rafters reach further out than these.
+        reach = micro(OVERHANG + (self.depth + COVER) * sin(self.pitch) + _EAVES_ROOM)
         for other in self.neighbours:
-            if other.top <= self.height - drop:
+            if other.crest + other.lean * reach <= self.height - drop:
                 continue
             for axis in self._eaves_axes():
                 beside = other.low[axis] < self.high[axis] and other.high[axis] > self.low[axis]
@@ -92,7 +101,7 @@ class Roof:
                         and other.high[across] > self.low[across] - reach)
                 if beside and near:
                     raise self.site.place.error(
-                        f'the eaves of a roof reach {OVERHANG:g} m out of its walls, and '
+                        f'the eaves of a roof reach {reach / MICRO:.2f} m out of its walls, and '
                         f'"{other.name}" stands there; build it against a gable, or keep it below '
                         f'{(self.height - drop) / MICRO:.2f} m')
         for wall in self.walls:
