@@ -597,7 +597,7 @@ def test_a_ball_bounces_from_what_lies_on_the_ground_as_from_the_ground(mass):
 
 
 def off_surface(pieces, rows):
-    """Give how far points of a round piece and another one are off the surfaces of both [m]."""
+    """Return how far points of a round piece and another one are off the surfaces of both [m]."""
     worst = 0.0
     for point, gap, normal in zip(rows.point, rows.gap, rows.normal):
         for p, spot in enumerate((point + 0.5 * gap * normal, point - 0.5 * gap * normal)):

@@ -93,7 +93,7 @@ def momentum(simulation):
 
 
 def told(simulation, monkeypatch):
-    """Give a list that takes what contacts give to what is fixed then, along y [N·s]."""
+    """Collect the impulses of contacts on what is fixed when they are found, along y [N·s]."""
     given, step = [], World.step
 
     def watched(world, dt, threads, looked):

@@ -124,7 +124,7 @@ def _hand_over(state: State, standing: np.ndarray) -> None:
 
 
 def _largest(state: State, parts: np.ndarray, wrenches: Sequence[np.ndarray]) -> float:
-    """Give the largest force on a part, a moment being one at its reach [N]."""
+    """Return the largest force on a part, or moment over its reach [N]."""
     force, moment = np.split(np.reshape(wrenches, (-1, 6)), 2, axis=1)
     lever = state.solver.graph.reach[parts]
     return float(max(norm(force, axis=1).max(initial=0.0),

@@ -213,7 +213,7 @@ def apply_impulses(state: State, parts: np.ndarray, impulses: np.ndarray,
 def about_centres(state: State, parts: np.ndarray, points: np.ndarray,
                   pushes: np.ndarray) -> np.ndarray:
     """
-    Give what forces or impulses in points of standing parts are about the centres of these.
+    Return forces or impulses at points of standing parts as wrenches about their centres.
 
     A post is bent by what strikes its head, and not by what strikes its foot.
 

@@ -295,7 +295,7 @@ def _pushes(model: Model, state: State, missile: Missile, pose: np.ndarray, hits
 
 def _middles(model: Model, missile: Missile, pose: np.ndarray, hits: Hits) -> np.ndarray:
     """
-    Give the middles of what a flat face covers of parts, world [m], (K, 3).
+    Return the middles of the areas of parts that a flat face covers, world [m], (K, 3).
 
     The points of a sweep are those nearest to the middle of the face, at the rims of most parts.
     """
