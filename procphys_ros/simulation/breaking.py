@@ -239,7 +239,7 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
     for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
         members = state.bodies.members[body]
         for part, own in zip(parts.tolist(), load.tolist()):
-            if state.parts.body[part] == body:
+            if cause is not None and state.parts.body[part] == body:
                 _break_out(model, state, part, members, cause, own)
         rest = np.setdiff1d(members, parts)
         if len(rest):
