@@ -279,7 +279,7 @@ def test_what_falls_goes_through_what_cannot_hold_it(engine, height):
     simulation.step(50)
     if height < 1.0:
         # 0.00 to 0.034 come off from 0.5 to 10 cm: the slab cracks in its middle, bricks below.
-        assert (~simulation.state.standing[:count]).mean() < 0.1
+        assert (~simulation.state.standing[:count]).mean() < 0.07
         assert simulation.poses[block, 2] > top + 0.4 * edge
     else:
         assert (start[:, 2] - simulation.poses[:count, 2] > 0.3).mean() > 0.2  # 0.29 to 0.56

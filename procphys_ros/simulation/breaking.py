@@ -236,12 +236,14 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
     if stood.any():
         cut_out(model, state, parts[stood], cause, load[stood], np.arange(np.count_nonzero(stood)))
         state.world.remove(state.parts.body[parts[stood]])
+    loads = np.full(len(state.parts), np.nan)
+    loads[parts] = load
     for body in np.unique(state.parts.body[parts[owner == Owner.BODY]]).tolist():
         members = state.bodies.members[body]
-        for part, own in zip(parts.tolist(), load.tolist()):
-            if cause is not None and state.parts.body[part] == body:
-                _break_out(model, state, part, members, cause, own)
-        rest = np.setdiff1d(members, parts)
+        lost = ~np.isnan(loads[members])
+        for part in members[lost].tolist() if cause is not None else []:
+            _break_out(model, state, part, members, cause, loads[part])
+        rest = members[~lost]
         if len(rest):
             release(model, state, state.loose_bonds.pieces(rest))
         else:

@@ -287,17 +287,20 @@ def _patch(model: Model, missile: Missile, pose: np.ndarray, normal: np.ndarray,
 def _pushes(model: Model, state: State, missile: Missile, pose: np.ndarray, hits: Hits,
             lost: np.ndarray) -> np.ndarray:
     """Share a momentum out to what was touched: impulses and their moments, (K, 6)."""
-    flat = _patch(model, missile, pose, hits.normal[0], hits.index) > 0.0
-    places = _middles(model, missile, pose, hits) if flat else hits.point
+    places, share = hits.point, np.ones(len(hits))
+    if _patch(model, missile, pose, hits.normal[0], hits.index) > 0.0:
+        places, share = _covered(model, missile, pose, hits)
     return masonry.about_centres(state, hits.index, places,
-                                 np.tile(lost / len(hits), (len(hits), 1)))
+                                 (share / share.sum())[:, None] * lost)
 
 
-def _middles(model: Model, missile: Missile, pose: np.ndarray, hits: Hits) -> np.ndarray:
+def _covered(model: Model, missile: Missile, pose: np.ndarray,
+             hits: Hits) -> tuple[np.ndarray, np.ndarray]:
     """
-    Return the middles of the areas of parts that a flat face covers, world [m], (K, 3).
+    Return the areas of parts that a flat face covers: middles, world [m], (K, 3), and sizes [m²].
 
-    The points of a sweep are those nearest to the middle of the face, at the rims of most parts.
+    The face presses on them evenly. The points of a sweep are those nearest to its middle, at the
+    rims of most parts.
     """
     parts = hits.index
     solid, half = model.blueprint.poses[parts], 0.5 * model.blueprint.size[parts]
@@ -305,12 +308,13 @@ def _middles(model: Model, missile: Missile, pose: np.ndarray, hits: Hits) -> np
     edges = rotation.rotate(pose[3:], np.diag(0.5 * missile.size))
     reach = np.abs(rotation.rotate(back[:, None], edges)).sum(axis=1)
     middle = rotation.rotate(back, pose[:3] - solid[:, :3])
-    covered = 0.5 * (np.maximum(-half, middle - reach) + np.minimum(half, middle + reach))
+    low, high = np.maximum(-half, middle - reach), np.minimum(half, middle + reach)
+    covered, wide = 0.5 * (low + high), np.maximum(high - low, _FLUSH)
     touch = rotation.rotate(back, hits.point - solid[:, :3])
     out = np.abs(rotation.rotate(back, hits.normal)).argmax(axis=1)
     each = np.arange(len(parts))
-    covered[each, out] = touch[each, out]
-    return solid[:, :3] + rotation.rotate(solid[:, 3:], covered)
+    covered[each, out], wide[each, out] = touch[each, out], 1.0
+    return solid[:, :3] + rotation.rotate(solid[:, 3:], covered), wide.prod(axis=1)
 
 
 def _bounce(velocity: np.ndarray, normal: np.ndarray, closing: float) -> None:
