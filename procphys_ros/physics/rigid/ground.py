@@ -25,7 +25,6 @@ from procphys_ros.physics.terrain import height_at, normal_at
 
 MOST_ON_GROUND = 16  # contact points of a piece: its corners, and as many between them
 _CONVEX = 1e-9  # [m] of height by which ground bends that counts as a ridge
-_STEEP = 0.05  # least vertical component of a normal on a ridge: steeper ones push sideways only
 
 
 @subroutine(**LEAN)
@@ -183,7 +182,7 @@ def _on_ridge(place, way, ridge, share, over, radius, margin, points, normals, c
     """
     n = cross(way, ridge)
     size = length(n)
-    if abs(n[2]) <= _STEEP * size:
+    if abs(n[2]) <= _CONVEX * size:
         return count
     along = dot(way, way) * ridge[2] - dot(way, ridge) * way[2]
     nearest = share + over * along / (size * size)
@@ -212,7 +211,7 @@ def _peaks(p, pieces, terrain, margin, points, normals, count):
                                     pieces.radius[p], peak)
             else:
                 gap, n = _underside(pieces.corners[p], pieces.normals[p], peak)
-            if gap < margin and n[2] > _STEEP:
+            if gap < margin and n[2] > 0.0:
                 count = _keep(plus(peak, 0.5 * gap, n), gap, n, points, normals, count)
     return count
 
