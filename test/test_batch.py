@@ -107,6 +107,12 @@ def test_a_series_is_recorded_of_each_run(scene, tmp_path, capsys):
     assert main(words[:-1] + ['6']) == 1 and 'another sweep' in capsys.readouterr().err
 
 
+def test_numbers_are_varied_as_ros_writes_them(scene):
+    """Take 1e1 for a number, as the node does."""
+    sweep = Sweep.read(scene, ['gust.amplitude=1e1,2.5E1'], 1, 1.0)
+    assert [run.parameters['gust']['amplitude'] for _, run in sweep.runs()] == [10.0, 25.0]
+
+
 def test_a_series_without_a_row_is_refused(scene):
     """Ask for a row each 31 steps of a run that has 30."""
     assert len(Sweep.read(scene, [], 1, 0.5, ['post'], 30)) == 1

@@ -25,6 +25,7 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec
+from procphys_ros.scene.yaml_file import read_yaml
 
 POLE = 'axiom: Width(0.1) F(1) F(1)'
 
@@ -173,9 +174,24 @@ def test_yaml_is_a_ros_parameter_file(tmp_path):
     assert scene.settings.wind.velocity == (5.0, 0.0, 0.0)
 
 
+@pytest.mark.parametrize(('word', 'value'), [
+    ('1e3', 1000.0), ('-2.5E-1', -0.25), ('1.0e0', 1.0), ('5.', 5.0), ('.5', 0.5), ('09', 9.0),
+    ('+3', 3), ('010', 8), ('0x10', 16), ('y', True), ('off', False), ('"1e3"', '1e3'),
+    ('1_0.0', '1_0.0'), ('1:30', '1:30'), ('0b11', '0b11'), ('2026-02-30', '2026-02-30')])
+def test_words_are_read_as_ros_reads_them(tmp_path, word, value):
+    """Read what rcl_yaml_param_parser takes for numbers, switches and texts for the same."""
+    path = tmp_path / 'scene.yaml'
+    path.write_text(f'sim: {{ros__parameters: {{a: {word}, b: [{word}]}}}}')
+    read = read_yaml(path)
+    assert read == {'a': value, 'b': [value]} and type(read['a']) is type(value)
+
+
 @pytest.mark.parametrize(('text', 'words'), [
     ('a: [1', ['scene.yaml:', 'not valid YAML']),
-    ('a\0b: 1', ['scene.yaml:', 'not valid YAML']), ('a: 2026-02-30', ['not valid YAML']),
+    ('a\0b: 1', ['scene.yaml:', 'not valid YAML']),
+    ('a: !!int 2.5', ['scene.yaml:1:4', 'no int']), ('a: [!!bool so]', ['1:5', 'no bool']),
+    ('a: !!float ""', ['scene.yaml:1:4', 'no float']), ('a: !!map [b]', ['scene.yaml:1:4']),
+    ('a: !!timestamp soon', ['scene.yaml:1:4', 'no timestamp']),
     ('/**: {ros__parameters: {a: 1, b: 2, a: 3}}', ['scene.yaml:1:37', '"a" stands there twice']),
     ('/**: {ros__parameters: &a {b: *a}}', ['scene.yaml', 'contains itself']),
     ('a: ' + 3000 * '[', ['scene.yaml', 'nested too deep']),

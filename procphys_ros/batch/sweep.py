@@ -40,7 +40,7 @@ from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.sources import locate
 from procphys_ros.scene.unused import check_given
-from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.scene.yaml_file import BoundedLoader, read_yaml
 from procphys_ros.schema import Parameter
 
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
@@ -233,7 +233,7 @@ def _values(parameter: Parameter, given: str, text: str, scene: Mapping[str, Any
     if '..' in given and _is_numeric(parameter):
         return _range(parameter, given, text, scene)
     try:
-        values = yaml.safe_load(given if given.startswith('[') else f'[{given}]')
+        values = yaml.load(given if given.startswith('[') else f'[{given}]', BoundedLoader)
     except (yaml.YAMLError, ValueError, RecursionError):
         raise SceneError(f'--vary {text[:99]}: cannot be read as YAML') from None
     return values if isinstance(values, list) else [values]

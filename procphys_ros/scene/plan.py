@@ -191,7 +191,7 @@ class _Keys:
             if default is None:
                 raise SceneError(f'{self.where}: {key} is missing')
             return default
-        loader = yaml.SafeLoader('')
+        loader = BoundedLoader('')
         try:
             return loader.construct_document(self._nodes[key])
         except (yaml.YAMLError, ValueError, RecursionError):

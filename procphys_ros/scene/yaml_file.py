@@ -17,7 +17,8 @@
 from collections.abc import Callable, Hashable, Mapping
 import math
 from pathlib import Path
-from typing import Any, TypeVar
+import re
+from typing import Any, ClassVar, TypeVar
 
 import yaml
 
@@ -27,16 +28,30 @@ from procphys_ros.language import shorten
 _T = TypeVar('_T')
 _LONGEST = 10_000_000  # characters of a file; a scene of 100,000 objects has as many
 _ENDLESS = 'it is nested too deep, or contains itself'
+# Words that are no texts, as ROS reads them, and how they begin. YAML 1.1 has 1e3 for a text, but
+# neither 1_000 nor 1:30. Whole numbers come first: they fit the rule of the others, too.
+_WORDS = {
+    'bool': (r'(?:y|Y|yes|Yes|YES|true|True|TRUE|on|On|ON'
+             r'|n|N|no|No|NO|false|False|FALSE|off|Off|OFF)\Z', 'yYtToOnNfF'),
+    'int': (r'[-+]?(?:0x[0-9a-fA-F]+|0[0-7]*|[1-9][0-9]*)\Z', '-+0123456789'),
+    'float': (r'(?:[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?'
+              r'|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z', '-+.0123456789')}
 _NODE_KEYS = ('/**', '/*', 'sim', '/sim')  # sections that apply to a node called sim
 
 
 class BoundedLoader(yaml.SafeLoader):
     """
-    Refuses a document that is too long with its aliases expanded.
+    Reads numbers as ROS does, and refuses a document that is too long with its aliases expanded.
 
     A few lines of nested aliases expand to billions of values, which would keep every reader
     busy.
     """
+
+    yaml_implicit_resolvers: ClassVar[dict[str, list]] = {
+        first: [(tag, form) for tag, form in known
+                if tag.rpartition(':')[2] not in (*_WORDS, 'timestamp')]
+        for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()}
+    bool_values: ClassVar[dict[str, bool]] = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()
@@ -46,6 +61,19 @@ class BoundedLoader(yaml.SafeLoader):
                 f'with its aliases written out it has more than {_LONGEST} characters',
                 problem_mark=node.start_mark)
         return node
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        try:
+            return super().construct_object(node, deep)
+        except (AttributeError, LookupError, TypeError, ValueError) as error:
+            raise yaml.MarkedYAMLError(
+                problem=f'the value is no {node.tag.rpartition(":")[2]}',
+                problem_mark=node.start_mark) from error
+
+
+for _kind, (_form, _firsts) in _WORDS.items():
+    BoundedLoader.add_implicit_resolver(f'tag:yaml.org,2002:{_kind}', re.compile(_form),
+                                        list(_firsts))
 
 
 def _length(node: yaml.Node, known: dict[yaml.Node, float]) -> float:
@@ -70,7 +98,7 @@ class _Loader(BoundedLoader):
     def construct_mapping(self, node: yaml.MappingNode,
                           deep: bool = False) -> dict[Hashable, Any]:
         known = set()
-        for key, _ in node.value:
+        for key, _ in node.value if isinstance(node, yaml.MappingNode) else ():
             if key.tag == 'tag:yaml.org,2002:bool':
                 key.tag = 'tag:yaml.org,2002:str'
             if isinstance(key, yaml.ScalarNode):
