@@ -290,6 +290,12 @@ class Blueprint:
     def __len__(self) -> int:
         return len(self.shape)
 
+    @property
+    def balls(self) -> np.ndarray:
+        """Mark launched balls, capsules as long as wide, (N,) bool."""
+        launched = np.array([kind == 'projectile' for kind in self.kinds] or [False])
+        return launched[self.kind] & (self.shape == Shape.CAPSULE)
+
     def solid_size(self, parts: np.ndarray) -> np.ndarray:
         """
         Return the extents of parts in collisions with others [m], (K, 3), as `size`.

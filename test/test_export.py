@@ -18,7 +18,7 @@ from pathlib import Path
 import resource
 import xml.etree.ElementTree as ElementTree
 
-from exported import grown, scene_of, small_wall
+from exported import grown, scene_of, small_wall, written
 import numpy as np
 import pytest
 
@@ -29,6 +29,7 @@ from procphys_ros.export import command, Content, export, export_animation, form
 from procphys_ros.export.markup import roll_pitch_yaw
 from procphys_ros.rotation import from_axis_angle, multiply
 from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
 _SCENE = """
@@ -59,6 +60,38 @@ def test_content_of_a_run_names_what_broke(scene_file):
     assert content.full_names[-1].split('/')[1] == 'projectile_0'
     assert content.broken.any() and not content.holds[content.broken].any()
     assert len(set(content.full_names)) == len(content.full_names)
+
+
+def shapes_of(path):
+    """Return the boxes in which the launched ball of a file lies, with and without physics."""
+    if path.suffix in ('.urdf', '.sdf'):
+        root = ElementTree.parse(path).getroot()
+        return [2.0 * np.full(3, float(ball.get('radius') or ball.findtext('radius')))
+                for ball in root.iter('sphere')]
+    if path.suffix == '.glb':
+        trimesh = pytest.importorskip('trimesh')
+        mesh = next(mesh for name, mesh in trimesh.load_scene(path).geometry.items()
+                    if 'projectile' in name)
+        assert mesh.volume == pytest.approx(np.pi / 6.0 * 0.3 ** 3, rel=0.05)
+        return 2 * [mesh.extents]
+    from pxr import Usd, UsdGeom, UsdPhysics
+    stage = Usd.Stage.Open(str(path))
+    body = next(prim for prim in stage.Traverse() if prim.GetName() == 'projectile_0'
+                and prim.HasAPI(UsdPhysics.RigidBodyAPI))
+    shapes = [prim for prim in Usd.PrimRange(body, Usd.TraverseInstanceProxies())
+              if prim.IsA(UsdGeom.Boundable)]
+    return [np.subtract(*UsdGeom.Boundable(prim).GetExtentAttr().Get()[::-1]) for prim in shapes]
+
+
+@pytest.mark.parametrize('suffix', ['.urdf', '.sdf', '.glb', '.usda'])
+def test_balls_are_round_and_as_large_as_launched(tmp_path, suffix):
+    """Write a ball for what is seen of a launched ball and for what collides."""
+    if suffix == '.usda':
+        pytest.importorskip('pxr')
+    simulation = Simulation(scene_of(wall=small_wall()))
+    simulation.launch(Projectile(size=0.3, mass=5.0, position=(9.0, 0.0, 3.0)))
+    path, _ = written(simulation, tmp_path / f'ball{suffix}')
+    np.testing.assert_allclose(shapes_of(path), np.full((2, 3), 0.3), atol=1e-6)
 
 
 def test_library_takes_simulations_and_scenes(tmp_path):

@@ -101,6 +101,11 @@ class Content:
         return np.isfinite(self.poses).all(axis=1)
 
     @cached_property
+    def balls(self) -> np.ndarray:
+        """Mark launched balls, whose skin of ornaments is not written, (N,) bool."""
+        return self.blueprint.balls
+
+    @cached_property
     def holds(self) -> np.ndarray:
         """Mark the bonds that still hold existing parts, (M,) bool."""
         first, second = self.blueprint.bonds.T

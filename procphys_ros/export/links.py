@@ -71,11 +71,11 @@ class Link:
 @dataclass(frozen=True)
 class Solid:
     """
-    Shape of a part: a mesh, a box, or a cylinder along z.
+    Shape of a part: a mesh, a box, a cylinder along z, or a ball.
 
     :ivar box: full extents [m], (3,); None for others.
     :ivar radius: [m].
-    :ivar length: [m].
+    :ivar length: [m]; 0 = a ball.
     :ivar mesh: file, relative to the exported one; '' for others.
     """
 
@@ -119,6 +119,8 @@ def solid(content: Content, part: int, mesh: str = '') -> Solid:
         return Solid(None, mesh=mesh)
     if content.blueprint.shape[part] == Shape.BOX:
         return Solid(size)
+    if content.balls[part]:
+        return Solid(None, 0.5 * float(content.blueprint.size[part, 0]))
     return Solid(None, 0.25 * float(size[0] + size[1]), float(size[2]))
 
 

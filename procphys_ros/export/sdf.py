@@ -165,6 +165,8 @@ def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Elem
             child(child(geometry, 'mesh'), 'uri', form.mesh)
         elif form.box is not None:
             child(child(geometry, 'box'), 'size', text(*form.box))
+        elif not form.length:
+            child(child(geometry, 'sphere'), 'radius', text(form.radius))
         else:
             cylinder = child(geometry, 'cylinder')
             child(cylinder, 'radius', text(form.radius))

@@ -56,13 +56,14 @@ def surfaces(content: Content) -> Iterator[Surface]:
     blueprint = content.blueprint
     first = first_pieces(blueprint)
     leaf_owner = content.owner[blueprint.leaves.part]
+    drawn = (content.exists & ~content.balls)[blueprint.ornaments.part]
     twig_owner = content.owner[blueprint.ornaments.part]
     for number, owner in enumerate(content.objects):
         parts = np.arange(owner.first, owner.first + owner.count)
         parts = parts[content.exists[parts]]
         leaves = np.flatnonzero((leaf_owner == number)
                                 & np.isfinite(content.petioles).all(axis=1))
-        twigs = np.flatnonzero((twig_owner == number) & content.exists[blueprint.ornaments.part])
+        twigs = np.flatnonzero((twig_owner == number) & drawn)
         yield from _solids(content, owner.name, parts, first)
         yield from _leaves(content, owner.name, leaves)
         yield from _twigs(content, owner.name, twigs)

@@ -113,6 +113,8 @@ def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Elem
             child(geometry, 'mesh', filename=form.mesh)
         elif form.box is not None:
             child(geometry, 'box', size=text(*form.box))
+        elif not form.length:
+            child(geometry, 'sphere', radius=text(form.radius))
         else:
             child(geometry, 'cylinder', radius=text(form.radius), length=text(form.length))
         if use == 'visual':

@@ -241,7 +241,7 @@ def foliage(content: Content, part: int) -> list[tuple[str, Mesh]]:
         rows, name = mine[leaves.texture[mine] == index], content.textures[index]
         out.append((name, mesh.crossed_quads(rotation.relative(pose, content.petioles[rows]),
                                              leaves.size[rows], look(name).aspect)))
-    mine = np.flatnonzero(twigs.part == part)
+    mine = np.flatnonzero((twigs.part == part) & ~content.balls[twigs.part])
     for index in np.unique(twigs.texture[mine]):
         rows = mine[twigs.texture[mine] == index]
         out.append((content.textures[index], mesh.loose_triangles(

@@ -61,13 +61,6 @@ def too_many(blueprint: Blueprint, most_triangles: int) -> bool:
     return 2 * len(blueprint.leaves) > most_triangles
 
 
-def balls(blueprint: Blueprint) -> np.ndarray:
-    """Find the parts that are launched balls, (N,) bool; markers have a shape for them."""
-    launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
-                                        if kind == 'projectile'])
-    return launched & (blueprint.shape == Shape.CAPSULE)
-
-
 def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
             most_triangles: int) -> list[tuple[PlacedObject, Foliage]]:
     """
@@ -86,7 +79,7 @@ def foliage(blueprint: Blueprint, objects: Sequence[PlacedObject],
     if too_many(blueprint, most_triangles):
         leaves = _thinned(leaves, most_triangles // 2)
         carrier, frame = leaves.part, leaves.pose
-    ball = balls(blueprint)[ornaments.part]
+    ball = blueprint.balls[ornaments.part]
     twig = (blueprint.shape[ornaments.part] == Shape.CAPSULE) & ~ball
     room = 2 * len(leaves) + np.count_nonzero(twig) <= most_triangles
     drawn = ~ball & (~twig | room)

@@ -24,7 +24,7 @@ from procphys_ros.compilation import kernel
 from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.foliage import balls, PlacedObject
+from procphys_ros.messages.foliage import PlacedObject
 from procphys_ros.messages.marker_rows import Action, BEFORE, MarkerType, row_layout
 from procphys_ros.palette import look
 
@@ -150,7 +150,7 @@ def _appearance(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray, np.ndarra
     # RViz has no cones: a tapered segment becomes a cylinder of its middle diameter.
     size[capsule, :2] = blueprint.visual_size[capsule, :2].mean(axis=1, keepdims=True)
     kind = np.where(capsule, MarkerType.CYLINDER, MarkerType.CUBE)
-    ball = balls(blueprint)
+    ball = blueprint.balls
     kind[ball], size[ball] = MarkerType.SPHERE, blueprint.size[ball]
     solid = blueprint.hexahedra.part
     kind[solid], size[solid] = MarkerType.TRIANGLE_LIST, 1.0

@@ -168,7 +168,7 @@ class SceneBatches:
         if not len(new):
             return
         self._parts = len(blueprint)
-        ball = _balls(blueprint)[new]
+        ball = blueprint.balls[new]
         capsule = blueprint.shape[new] == Shape.CAPSULE
         along, stem = _paths(blueprint)
         first = first_pieces(blueprint)
@@ -217,7 +217,7 @@ class SceneBatches:
         ornaments = blueprint.ornaments
         new = np.arange(self._triangles, len(ornaments))
         self._triangles = len(ornaments)
-        new = new[~_balls(blueprint)[ornaments.part[new]]]
+        new = new[~blueprint.balls[ornaments.part[new]]]
         for name, rows in _by_texture(blueprint, new, ornaments.texture):
             self._add(('triangle', name), Kind.TRIANGLE, look(name), rows,
                       np.ones((len(rows), 3)), self._light(poses[ornaments.part[rows], :3]),
@@ -349,13 +349,6 @@ class SceneBatches:
             if len(rows):
                 batch = self._batches[key]
                 batch.paint(_CRACK_TONE * _tones(batch.look, seats.bond[rows]), rows)
-
-
-def _balls(blueprint: Blueprint) -> np.ndarray:
-    """Mark the parts that are balls, (N,) bool: launched capsules as long as wide."""
-    launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
-                                        if kind == 'projectile'])
-    return launched & (blueprint.shape == Shape.CAPSULE)
 
 
 def _by_texture(blueprint: Blueprint, rows: np.ndarray,

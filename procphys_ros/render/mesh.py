@@ -30,6 +30,7 @@ _SIDES = 10  # columns of faces around a branch
 _RING_HEIGHT = np.array([-1.0, -0.7071, 0.0, 0.0, 0.7071, 1.0])
 _RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
 _RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
+_MERIDIAN = 12  # rows of faces from pole to pole of a ball
 _BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch, covered by one image
 _BRICK_TILE = 0.6  # [m] of wall covered by one image
 QUADS = np.concatenate([4 * np.arange(6)[:, None] + [0, 1, 2],
@@ -76,13 +77,35 @@ def branches(poses: np.ndarray, visual_size: np.ndarray) -> Mesh:
     uv = np.empty(local.shape[:3] + (2,))
     uv[..., 0] = repeats[:, None, None] * turn / (2.0 * np.pi)
     uv[..., 1] = along[:, :, None] / _BARK_TILE[1]
-    grid = np.arange(rings * columns).reshape(rings, columns)
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
-                            np.stack([a, c, d], -1).reshape(-1, 3)])
     vertices = rings * columns
     return _place(poses, local.reshape(count, vertices, 3), normal.reshape(count, vertices, 3),
-                  uv.reshape(count, vertices, 2), faces)
+                  uv.reshape(count, vertices, 2), _strips(rings, columns))
+
+
+def balls(poses: np.ndarray, diameter: np.ndarray) -> Mesh:
+    """
+    Build balls.
+
+    :param poses: centres and attitudes, world, (N, 7).
+    :param diameter: [m], (N,).
+    """
+    columns = 2 * _MERIDIAN + 1
+    turn = np.linspace(0.0, 2.0 * np.pi, columns)
+    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _MERIDIAN + 1)[:, None]
+    unit = np.stack([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise),
+                     np.broadcast_to(np.sin(rise), (_MERIDIAN + 1, columns))], -1).reshape(-1, 3)
+    uv = np.stack(np.broadcast_arrays(turn / np.pi, rise / np.pi), -1).reshape(-1, 2)
+    local = 0.5 * diameter[:, None, None] * unit
+    return _place(poses, local, np.broadcast_to(unit, local.shape),
+                  np.broadcast_to(uv, (len(poses), *uv.shape)), _strips(_MERIDIAN + 1, columns))
+
+
+def _strips(rows: int, columns: int) -> np.ndarray:
+    """Join the points of a grid, row by row, by triangles, (F, 3)."""
+    grid = np.arange(rows * columns).reshape(rows, columns)
+    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
+    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
+                           np.stack([a, c, d], -1).reshape(-1, 3)])
 
 
 def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
@@ -132,16 +155,21 @@ def solids(blueprint: Blueprint, poses: np.ndarray,
     """
     Build parts without leaves and ornaments: those of one kind together, with their indices.
 
+    Balls are round, so their skins, which are ornaments, need not be drawn.
+
     :param poses: of all parts, world, (N, 7).
     :param parts: ascending, (K,).
     """
     cut = blueprint.hexahedra.among(parts)
-    capsule = blueprint.shape[parts] == Shape.CAPSULE
+    ball = blueprint.balls[parts]
+    capsule = (blueprint.shape[parts] == Shape.CAPSULE) & ~ball
     box = blueprint.shape[parts] == Shape.BOX
     box[cut.part] = False
     for rows, build in ((parts[capsule], branches), (parts[box], boxes)):
         if len(rows):
             yield rows, build(poses[rows], blueprint.visual_size[rows])
+    if ball.any():
+        yield parts[ball], balls(poses[parts[ball]], blueprint.size[parts[ball], 0])
     if len(cut):
         rows = parts[cut.part]
         yield rows, hexahedra(poses[rows], cut.corners)

@@ -18,7 +18,7 @@ from collections.abc import Callable, Hashable, Mapping
 import math
 from pathlib import Path
 import re
-from typing import Any, ClassVar, TypeVar
+from typing import Any, TypeVar
 
 import yaml
 
@@ -47,11 +47,11 @@ class BoundedLoader(yaml.SafeLoader):
     busy.
     """
 
-    yaml_implicit_resolvers: ClassVar[dict[str, list]] = {
+    yaml_implicit_resolvers = {
         first: [(tag, form) for tag, form in known
                 if tag.rpartition(':')[2] not in (*_WORDS, 'timestamp')]
         for first, known in yaml.SafeLoader.yaml_implicit_resolvers.items()}
-    bool_values: ClassVar[dict[str, bool]] = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}
+    bool_values = {**yaml.SafeLoader.bool_values, 'y': True, 'n': False}
 
     def get_single_node(self) -> yaml.Node | None:
         node = super().get_single_node()

@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves, Shape
+from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves
 from procphys_ros.cut_bricks import first_pieces
 from procphys_ros.paving import Paving
 from procphys_ros.physics.dust import Puffs
@@ -89,9 +89,7 @@ class PageContent:
         :param paving: of the ground.
         :param before: an earlier content of the same scene, with the same bonds.
         """
-        launched = np.isin(blueprint.kind, [i for i, kind in enumerate(blueprint.kinds)
-                                            if kind == 'projectile'])
-        ball = launched & (blueprint.shape == Shape.CAPSULE)
+        ball = blueprint.balls
         return cls(scene, name, blueprint.shape,
                    np.where(ball[:, None], blueprint.size, blueprint.visual_size),
                    blueprint.mass, ball, blueprint.texture,
