@@ -94,6 +94,24 @@ def test_balls_are_round_and_as_large_as_launched(tmp_path, suffix):
     np.testing.assert_allclose(shapes_of(path), np.full((2, 3), 0.3), atol=1e-6)
 
 
+@pytest.mark.parametrize('suffix', ['.usda', '.xml'])
+def test_events_may_be_taken_before_an_export(scene_file, tmp_path, suffix):
+    """Leave out what has broken, whether or not somebody took the events; so of copies."""
+    if suffix == '.usda':
+        pytest.importorskip('pxr')
+    simulation = Simulation(Scene.from_yaml(scene_file))
+    simulation.step(10)
+    before = written(simulation, tmp_path / f'scene{suffix}')[0].read_bytes()
+    taken = simulation.log.take()
+    assert np.array_equal(simulation.log.bonds, np.unique(taken['bond'])) and len(taken)
+    other = simulation.fork()
+    other.restore(simulation.save())
+    for one in (simulation, other):
+        assert written(one, tmp_path / f'scene{suffix}')[0].read_bytes() == before
+    simulation.reset()
+    assert not len(simulation.log.bonds)
+
+
 def test_library_takes_simulations_and_scenes(tmp_path):
     """Write the same file from a scene at rest and from a simulation that has not begun."""
     scene = scene_of(bush=grown('shrub.lsys'))

@@ -31,11 +31,15 @@ from procphys_ros.render import draw
 from procphys_ros.render.camera import frame, View
 from procphys_ros.render.command import main
 from procphys_ros.render.drawing import Moment
+from procphys_ros.render.film import moment_of
 from procphys_ros.render.motion import CameraMotion
 from procphys_ros.render.picture import Renderer
+from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.sources import load_grammar
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
 
 _ROOT = Path(__file__).resolve().parents[1]
 _SIZE = (96, 64)
@@ -157,6 +161,19 @@ def test_parts_that_join_later_are_drawn():
     change = np.abs(more - few).max(axis=(1, 2))
     assert change[:30].max() > 40  # the third metre
     assert change[31:45].max() < 20  # below it, above its shadow
+
+
+def test_pictures_show_cracks_whose_events_were_taken():
+    """Draw the joints dark that have cracked, after somebody has read the log as before."""
+    scene = Scene()
+    scene.add(load_grammar('garden_wall.wall', 'test').build(length=0.9, height=0.6), name='wall')
+    simulation = Simulation(scene)
+    simulation.launch(Projectile(size=0.2, mass=20.0, position=(0.4, -1.0, 0.3),
+                                 velocity=(0.0, 20.0, 0.0)))
+    simulation.step(8)
+    cracked = moment_of(simulation).cracked
+    assert len(cracked) and len(simulation.log.take())
+    assert np.array_equal(moment_of(simulation).cracked, cracked)
 
 
 def test_cracked_joints_are_dark():

@@ -68,10 +68,9 @@ class Content:
 
     @classmethod
     def of(cls, simulation: Simulation) -> 'Content':
-        """Read a simulation in its present state; its log must hold all break events."""
+        """Read a simulation in its present state."""
         broken = np.zeros(len(simulation.blueprint.bonds), bool)
-        bonds = simulation.events['bond']
-        broken[bonds[bonds >= 0]] = True
+        broken[simulation.log.bonds] = True
         return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
                    simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
                    simulation.time, simulation.scene.settings.terrain,

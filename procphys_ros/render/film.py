@@ -55,12 +55,11 @@ class Shot:
 
 def moment_of(simulation: Simulation) -> Moment:
     """Return the present content of a simulation for drawing."""
-    bonds = np.unique(simulation.log.rows['bond'])
     fallen = simulation.state.leaves.fallen
     lying = np.zeros(len(simulation.blueprint.leaves), bool)
     lying[fallen.leaf[~fallen.flying]] = True
     return Moment(simulation.blueprint, simulation.state.shown_poses(), simulation.leaf_poses(),
-                  simulation.exists, bonds[bonds >= 0], simulation.dust, lying)
+                  simulation.exists, simulation.log.bonds, simulation.dust, lying)
 
 
 def check_camera(scene: Scene, camera: CameraSettings) -> None:

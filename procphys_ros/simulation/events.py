@@ -41,11 +41,13 @@ class EventLog:
     """
 
     _chunks: list[np.ndarray]
+    _bonds: list[np.ndarray]
 
     def __init__(self) -> None:
         self.total = 0
         self.forgotten = 0
         self._chunks = []
+        self._bonds = []
         self._held = 0
 
     def record(self, time: float, position: np.ndarray, bond: np.ndarray, pairs: np.ndarray,
@@ -75,6 +77,7 @@ class EventLog:
         rows['load'] = load
         rows['crack'] = crack
         self._chunks.append(rows)
+        self._bonds.append(rows['bond'][rows['bond'] != NO_BOND])
         self._held += len(rows)
         self.total += len(rows)
         while self._held > _CAPACITY and len(self._chunks) > 1:
@@ -88,6 +91,13 @@ class EventLog:
         if len(self._chunks) > 1:
             self._chunks = [np.concatenate(self._chunks)]
         return self._chunks[0] if self._chunks else np.zeros(0, EVENT)
+
+    @property
+    def bonds(self) -> np.ndarray:
+        """Return the bonds of all events recorded so far, also of those taken, ascending, (K,)."""
+        if len(self._bonds) > 1:
+            self._bonds = [np.unique(np.concatenate(self._bonds))]
+        return self._bonds[0] if self._bonds else np.zeros(0, EVENT['bond'])
 
     def recent(self, count: int) -> np.ndarray:
         """Return the last events held, at most `count`, oldest first."""
