@@ -19,6 +19,7 @@ from dataclasses import replace
 from types import SimpleNamespace
 
 from geometry_msgs.msg import PoseArray
+from grown_trees import beam
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
@@ -338,6 +339,20 @@ def test_ball_is_a_sphere_without_a_skin():
     assert marker.type == Marker.SPHERE
     np.testing.assert_array_equal([marker.scale.x, marker.scale.y, marker.scale.z],
                                   blueprint.size[1])
+
+
+@pytest.mark.parametrize('name', ['dust', 'torn_wood'])
+def test_no_object_shares_markers_with_dust_and_torn_wood(name):
+    """Write each marker once, whatever objects are called."""
+    tree = beam(5)
+    scene = messages.SceneMarkers(tree, objects_of((name, 0, 5)), 'world')
+    poses = tree.poses.copy()
+    poses[:, 2] += np.array([1.0, 1.0, 2.0, 2.0, 2.0])
+    puff = SimpleNamespace(positions=np.zeros((1, 3)), sizes=np.array([0.2]),
+                           opacity=np.array([0.5]))
+    found = [read_markers(scene.whole(poses, AT, None, puff)) for _ in range(12)][-1]
+    assert {number for space, number in found if space == name} == {0, 1, 2, 3, 4}
+    assert len(found) > 6
 
 
 def test_dust_is_read_back():

@@ -46,7 +46,7 @@ class Viewer:
     @property
     def parts(self) -> set[int]:
         """Return the ids of the parts that are shown."""
-        return {number for name, number in self.shown if name != 'dust'}
+        return {number for name, number in self.shown if name != '/dust'}
 
     def wait_for_last_whole_set(self) -> None:
         """Wait until the node has told everything as often as it does: for seven seconds."""
@@ -154,7 +154,7 @@ def test_only_what_moves_is_sent(client):
     client.spin_until(lambda: len(viewer.deltas) > 40, 'a ball that flies')
     moving = set(range(4)) | {parts}
     for array in viewer.deltas:
-        assert {marker.id for marker in array.markers if marker.ns != 'dust'} <= moving
+        assert {marker.id for marker in array.markers if marker.ns != '/dust'} <= moving
         assert len({(marker.ns, marker.id) for marker in array.markers}) == len(array.markers)
 
 
@@ -168,7 +168,7 @@ def test_what_vanishes_is_deleted_and_a_reset_brings_it_back(client):
     client.spin_until(lambda: len(every) in viewer.parts, 'the ball')
     assert client.trigger('demolish').success
     client.spin_until(lambda: not viewer.parts >= every, 'bricks that vanish')
-    client.spin_until(lambda: any(name == 'dust' for name, _ in viewer.shown), 'dust')
+    client.spin_until(lambda: any(name == '/dust' for name, _ in viewer.shown), 'dust')
     assert client.switch('set_pause', True).success
     left = existing(client)
     assert every - left and left - every > {len(every)}  # quarters of bricks, and the ball

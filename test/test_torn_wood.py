@@ -146,7 +146,7 @@ def _markers(data: bytes | None) -> dict[str, int]:
     """Return the action of every marker of an end, by its namespace."""
     rows = find_markers(data) if data else np.zeros((0, 6), int)
     found = {data[row[2]:row[3]].decode(): int(row[5]) for row in rows}
-    return {name: action for name, action in found.items() if name in (TORN, SOIL)}
+    return {name: found[f'/{name}'] for name in (TORN, SOIL) if f'/{name}' in found}
 
 
 def test_rviz_gets_the_ends_of_what_breaks():

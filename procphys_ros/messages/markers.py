@@ -124,8 +124,9 @@ class SceneMarkers:
             [ListMarker(MarkerType.TRIANGLE_LIST, f'{o.name}/leaves', entry.texture, frame_id,
                         look(blueprint.textures[entry.texture]).rgba) for o, entry in leaves],
             [entry for _, entry in leaves])
-        self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}'.lstrip('/'))
-        self._torn = TornMarkers(blueprint, frame_id, f'{style.shard}/'.lstrip('/'))
+        # No object has a slash in its name, so none has markers of these namespaces.
+        self._dust = DustMarkers(frame_id, f'{style.shard}/{NAMESPACE}')
+        self._torn = TornMarkers(blueprint, frame_id, f'{style.shard}/')
         self._clear = b'' if style.shard else command(Action.DELETEALL, '', 0, frame_id)
 
     def __len__(self) -> int:
