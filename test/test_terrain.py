@@ -426,6 +426,9 @@ def test_bad_settings_are_told(tmp_path):
     np.savez(tmp_path / 'a.npz', heights=np.array([[1.0, np.nan], [2.0, 3.0]]))
     with pytest.raises(SceneError, match='1 cells without a height'):
         Scene.from_parameters({'terrain': {'file': 'a.npz'}}, tmp_path)
+    np.savez(tmp_path / 'b.npz', heights=np.zeros((2, 2)), cell=0.0)
+    with pytest.raises(SceneError, match='b.npz has cells of 0.0 m, they must be larger than 0'):
+        Scene.from_parameters({'terrain': {'file': 'b.npz'}}, tmp_path)
     with pytest.raises(SceneError, match=r'oak stands at \(90.0, .*outside of the terrain'):
         scene_on(terrain={'noise': 2.0, 'extent': 40.0},
                  oak={'grammar': 'oak.lsys', 'origin': [90.0, 0.0, 0.0]})

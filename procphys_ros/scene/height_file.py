@@ -73,14 +73,14 @@ def read_heights(name: str, beside: Path | None,
         raise SceneError(f'{_KEY}: {path} has heights from {low:g} to {high:g} m, at most '
                          f'{_TALLEST:g} m may lie between the lowest and the highest; is one of '
                          'them no height, but stands for a gap?')
-    if not (np.isfinite(cell) and cell >= 0.0):
+    if cell is not None and not 0.0 < cell < np.inf:
         raise SceneError(f'{_KEY}: {path} has cells of {cell} m, they must be larger than 0')
     if reader is _png:
         heights = heights * white
-    return np.ascontiguousarray(heights[::-1].T, float), cell
+    return np.ascontiguousarray(heights[::-1].T, float), cell or 0.0
 
 
-def _png(path: Path) -> tuple[np.ndarray, float]:
+def _png(path: Path) -> tuple[np.ndarray, None]:
     """Read a grey picture, 0 = black to 1 = white."""
     try:
         from PIL import Image
@@ -100,10 +100,10 @@ def _png(path: Path) -> tuple[np.ndarray, float]:
                                '8 or 16 bits')
         deep = picture.mode.startswith('I')
         grey = np.asarray(picture, float)
-    return grey / (1.0 if picture.mode == '1' else 65535.0 if deep else 255.0), 0.0
+    return grey / (1.0 if picture.mode == '1' else 65535.0 if deep else 255.0), None
 
 
-def _npz(path: Path) -> tuple[np.ndarray, float]:
+def _npz(path: Path) -> tuple[np.ndarray, float | None]:
     """Read the array `heights`, rows from north to south, and `cell` if present."""
     with zipfile.ZipFile(path) as members:
         if any(member.file_size > _LARGEST for member in members.infolist()):
@@ -113,7 +113,7 @@ def _npz(path: Path) -> tuple[np.ndarray, float]:
         if 'heights' not in archive:
             raise _FormatError('it has no array "heights"; "cell" may stand beside it')
         return (np.asarray(archive['heights'], float),
-                float(archive['cell']) if 'cell' in archive else 0.0)
+                float(archive['cell']) if 'cell' in archive else None)
 
 
 def _ascii(path: Path) -> tuple[np.ndarray, float]:
