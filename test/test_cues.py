@@ -53,6 +53,7 @@ def test_cues_are_read_in_the_order_of_their_times():
     ('gust', 'there is no verb'), ('1 gale', 'did you mean|there is no verb "gale"'),
     ('soon gust', '"soon" is not a time'), ('-1 gust', 'is not a time'),
     ('nan gust', 'is not a time'), ('1 launch mas=3', 'did you mean mass'),
+    ('1 launch mass=3 mass=4', '"mass" stands there twice'),
     ('1 launch mass', 'sets nothing'), ('1 launch mass=heavy', 'numbers are expected'),
     ('1 launch mass=-3', 'projectile.mass'), ('1 launch position=1,2', 'projectile.position'),
     ('1 explode position=0,0,-4', 'under the ground'), ('1 gust duration=0', 'duration'),

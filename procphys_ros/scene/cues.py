@@ -123,6 +123,8 @@ def _values(words: Sequence[str], kind: Any) -> dict[str, Any]:
         if not equals or name not in known:
             raise SceneError(f'"{_short(word)}" sets nothing{nearest_names(name[:99], known)} '
                              f'(known: {", ".join(f"{k}=" for k in known)})')
+        if name in values:
+            raise SceneError(f'"{_short(word)}": "{name}" stands there twice')
         values[name] = value if isinstance(known[name], str) else _numbers(word, value)
     return values
 

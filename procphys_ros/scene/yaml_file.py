@@ -128,7 +128,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
     merged: dict[str, Any] = {}
     try:
         for section in sections:
-            _merge(merged, section)
+            _merge(merged, section, '', set())
+    except SceneError as error:
+        raise SceneError(f'{path}: {error}') from None
     except RecursionError:
         raise SceneError(f'{path}: {_ENDLESS}') from None
     return merged
@@ -160,19 +162,33 @@ def parsed(path: Path, parse: Callable[[str], _T]) -> _T:
         raise SceneError(f'{path}: {_ENDLESS}') from None
 
 
-def _merge(into: dict[str, Any], section: Mapping[str, Any]) -> None:
+def _merge(into: dict[str, Any], section: Mapping[str, Any], prefix: str,
+           given: set[str]) -> None:
+    """
+    Expand dotted keys.
+
+    :param into: to be extended; a later section replaces the values of earlier ones.
+    :param prefix: of the keys in front of their full names.
+    :param given: full names of the values of this section so far.
+    """
     for key, value in section.items():
+        name = f'{prefix}{key}'
         *groups, last = str(key).split('.')
         target = into
         for group in groups:
             inner = target.setdefault(group, {})
             if not isinstance(inner, dict):
-                raise SceneError(f'{key}: "{group}" is both a value and a group')
+                raise SceneError(f'{name}: "{group}" is both a value and a group')
             target = inner
         if isinstance(value, Mapping):
             inner = target.setdefault(last, {})
             if not isinstance(inner, dict):
-                raise SceneError(f'{key}: it is both a value and a group')
-            _merge(inner, value)
+                raise SceneError(f'{name}: it is both a value and a group')
+            _merge(inner, value, f'{name}.', given)
+        elif isinstance(target.get(last), dict):
+            raise SceneError(f'{name}: it is both a value and a group')
+        elif name in given:
+            raise SceneError(f'"{shorten(name)}" stands there twice')
         else:
+            given.add(name)
             target[last] = value
