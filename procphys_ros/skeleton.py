@@ -362,14 +362,16 @@ def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
     for name in ('base', 'attitude'):
         value = getattr(branches, name)
         _demand(np.isfinite(value).all(axis=1), 'segment', name, value, 'finite')
+    _demand(np.isfinite(leaves.size) & (leaves.size >= 0.0), 'leaf', 'size', leaves.size,
+            'finite and not below zero')
+    _demand(np.isfinite(leaves.pose).all(axis=1), 'leaf', 'pose', leaves.pose, 'finite')
     for name, carried in (('leaf', leaves), ('ornament', ornaments)):
         _demand((carried.part >= 0) & (carried.part < len(branches)), name, 'part', carried.part,
                 f'a segment, 0 to {len(branches) - 1}')
 
 
 def _check_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray) -> None:
-    if nodes.ndim != 2 or nodes.shape[1:] != (3,) or not (
-            len(nodes) == len(parents) == len(radii)):
+    if nodes.shape[1:] != (3,) or not nodes.shape[:1] == parents.shape == radii.shape:
         raise SceneError(f'nodes {nodes.shape}, parents {parents.shape} and radii {radii.shape} '
                          'do not fit; they must be (K, 3), (K,) and (K,)')
     _demand(np.isfinite(nodes).all(axis=1), 'node', 'position', nodes, 'finite')

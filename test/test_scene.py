@@ -14,18 +14,20 @@
 
 """Scenes: placing instances, reading parameters, refusing what cannot be built."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 import tracemalloc
 
 import numpy as np
 import pytest
 
-from procphys_ros.errors import GrammarError, SceneError
+from procphys_ros.errors import CommandError, GrammarError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.scene import Scene
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec
+from procphys_ros.scene.sources import load_grammar
 from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.simulation import Simulation
 
 POLE = 'axiom: Width(0.1) F(1) F(1)'
 
@@ -161,6 +163,50 @@ def test_grammar_errors_name_the_parameter():
     with pytest.raises(GrammarError) as caught:
         Scene.from_parameters(parameters(pole={'grammar_text': 'axiom: F(1'}))
     assert str(caught.value).startswith('pole.grammar_text:1')
+
+
+def changed(blueprint, table, column, value):
+    """Return a blueprint with another value in the second row of a column."""
+    owner = getattr(blueprint, table) if table else blueprint
+    array = np.array(getattr(owner, column))
+    array[1] = value
+    owner = replace(owner, **{column: array})
+    return replace(blueprint, **{table: owner}) if table else owner
+
+
+@pytest.mark.parametrize(('table', 'column', 'value', 'words'), [
+    ('', 'mass', np.nan, 'part 1: mass is nan'), ('', 'mass', 0.0, 'above 0'),
+    ('', 'inertia', -1.0, 'part 1: inertia'), ('', 'size', np.inf, 'part 1: size'),
+    ('', 'poses', 0.0, 'a quaternion of length 1'), ('', 'poses', np.nan, 'part 1: poses'),
+    ('', 'shape', 7, 'part 1: shape is 7'), ('', 'kind', 5, 'it must be from 0 to 0'),
+    ('', 'material', -1, 'part 1: material'), ('', 'texture', 99, 'part 1: texture'),
+    ('', 'bonds', (0, 0), 'two different parts'), ('', 'bonds', (0, 9999), 'bond 1: bonds'),
+    ('', 'bonds', (-2, 0), 'bond 1'), ('', 'bonds', (0, -1), 'bond 1'),
+    ('', 'bond_frame', np.nan, 'bond 1: bond_frame'), ('', 'bond_extent', 0.0, 'bond_extent'),
+    ('', 'bond_area', -1.0, 'bond 1: bond_area'), ('hinges', 'swing_stiffness', np.nan, 'hinge 1'),
+    ('leaves', 'size', np.nan, 'leaf 1: size'), ('leaves', 'texture', 9, 'leaves 1: texture'),
+    ('leaves', 'part', 9999, 'leaves 1: part'), ('leaves', 'pose', 0.0, 'leaf 1: pose'),
+    ('mortar', 'tension', -1.0, 'mortar 1: tension is -1.0, it must be 0 or more'),
+    ('mortar', 'compression', 0.0, 'mortar 1: compression'),
+    ('mortar', 'normal_stiffness', np.inf, 'mortar 1: normal_stiffness')])
+def test_arrays_that_cannot_be_simulated_are_refused(table, column, value, words):
+    """Name the object, the row, the column, the value and what is allowed; change nothing."""
+    grammar = 'garden_wall.wall' if table == 'mortar' else 'shrub.lsys'
+    blueprint = load_grammar(grammar, 'test').build(seed=1)
+    scene = Scene()
+    scene.add(blueprint, name='sound')
+    wrong = changed(blueprint, table, column, value)
+    with pytest.raises(SceneError, match=f'it: .*{words}'):
+        scene.add(wrong, name='it')
+    assert len(scene.objects) == 1
+    with pytest.raises(CommandError, match=words):
+        Simulation(scene).add(wrong, name='it')
+
+
+def test_settings_are_settings():
+    """Refuse the path of a file, with the way to read it."""
+    with pytest.raises(SceneError, match='Scene.from_yaml reads a file'):
+        Scene('scene.yaml')
 
 
 def test_yaml_is_a_ros_parameter_file(tmp_path):

@@ -39,6 +39,7 @@ from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.plan import read_plan
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
+from procphys_ros.scene.soundness import check_blueprint
 from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN
 from procphys_ros.scene.streets import lay_out
 from procphys_ros.scene.terrain import make_terrain
@@ -83,7 +84,8 @@ def check_place(name: str, blueprint: Blueprint, position: Sequence[float], yaw:
     """
     Check that an object can be placed.
 
-    :raises SceneError: for an invalid name, a place that is not finite, or no blueprint.
+    :raises SceneError: for an invalid name, a place that is not finite, no blueprint, or one
+        with numbers that cannot be simulated.
     """
     check_name(name)
     if not isinstance(blueprint, Blueprint):
@@ -91,6 +93,7 @@ def check_place(name: str, blueprint: Blueprint, position: Sequence[float], yaw:
                          'grammar makes one')
     _POSITION.read(position, f'{name}.position')
     _YAW.read(yaw, f'{name}.yaw')
+    check_blueprint(name, blueprint)
 
 
 class Scene:
@@ -104,6 +107,8 @@ class Scene:
     """
 
     def __init__(self, settings: Settings | None = None):
+        if not isinstance(settings, Settings | None):
+            raise SceneError(f'{short(settings)} is no Settings; Scene.from_yaml reads a file')
         self.settings = settings or Settings()
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
@@ -185,11 +190,16 @@ class Scene:
         :param name: unique name, `object_<n>` when left out.
         :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
         :raises SceneError: when the name is invalid or taken, the place not finite or off the
-            terrain, when nothing of the object `on` is under it, or when memory cannot hold so
-            many parts.
+            terrain, the blueprint wrong, when nothing of the object `on` is under it, or when
+            memory cannot hold so many parts.
         """
         name = name or f'object_{len(self.objects)}'
         check_place(name, blueprint, position, yaw)
+        return self._place(blueprint, position, yaw, name, on)
+
+    def _place(self, blueprint: Blueprint, position: Sequence[float], yaw: float, name: str,
+               on: str = '') -> SceneObject:
+        """Place a blueprint whose numbers are sound, such as that of a grammar."""
         if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
         first = self._parts
@@ -250,7 +260,7 @@ class Scene:
         for i in mine:
             x, y = product(points[i], turn)
             position = np.asarray(spec.origin) + np.array([x, y, 0.0])
-            self.add(built[i % variants], position, spec.yaw + headings[i], names[i], spec.on)
+            self._place(built[i % variants], position, spec.yaw + headings[i], names[i], spec.on)
 
     def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place the houses and trees of a plan, `<name>_house_0` and so on."""
@@ -285,4 +295,5 @@ class Scene:
             with stage('growing objects', f'{spec.name}_{lot.name}, {i + 1} of {count}'):
                 if i in mine:
                     place = np.asarray(spec.origin) + [*product(turn, lot.position), 0.0]
-                    self.add(lot.blueprint, place, spec.yaw + lot.yaw, f'{spec.name}_{lot.name}')
+                    self._place(lot.blueprint, place, spec.yaw + lot.yaw,
+                                f'{spec.name}_{lot.name}')
