@@ -159,6 +159,17 @@ def test_the_same_seed_gives_the_same_flutter_whatever_was_asked_before():
     assert not np.allclose(in_wind(Flutter(leaves, 6), leaves, 6.0, 2.5), expected)
 
 
+def test_leaves_that_join_leave_the_others_as_they_were():
+    """Move no leaf by adding a tree: a later one may not draw the flutter of those before it."""
+    simulation = simulate(9.0)
+    simulation.step(5)
+    before = simulation.leaf_poses()
+    simulation.add(LSystem.parse(TREE).build(), (9.0, 0.0, 0.0), name='late')
+    after = simulation.leaf_poses()
+    assert len(after) == 2 * len(before)
+    assert np.array_equal(after[:len(before)], before)
+
+
 def test_the_wind_counts_in_the_frame_of_the_branch():
     """Expect the same world poses whether the leaf or its part is turned."""
     leaves = some_leaves(50)

@@ -29,9 +29,9 @@ from procphys_ros.elementary.arrays import (
     sin,
     tan,
 )
-from procphys_ros.elementary.draws import standard_normal, weibull
+from procphys_ros.elementary.draws import normal_of, standard_normal, weibull
 
 __all__ = [
     'acos', 'asin', 'atan', 'atan2', 'cbrt', 'cos', 'exp', 'expm1', 'hypot', 'log',
-    'power', 'sin', 'standard_normal', 'tan', 'weibull',
+    'normal_of', 'power', 'sin', 'standard_normal', 'tan', 'weibull',
 ]

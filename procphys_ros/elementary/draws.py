@@ -46,6 +46,20 @@ def standard_normal(rng: np.random.Generator, shape: int | tuple[int, ...] = ())
     return out
 
 
+def normal_of(uniform: np.ndarray) -> np.ndarray:
+    """
+    Convert uniform numbers to as many normal ones, pair by pair.
+
+    A longer array begins with the same numbers, which those of `standard_normal` do not.
+
+    :param uniform: from 0 to 1, (..., K), K even.
+    """
+    pairs = uniform.reshape(-1, 2).T.copy()
+    out = np.empty(uniform.shape)
+    _pair(pairs[0], pairs[1], out.reshape(-1))
+    return out
+
+
 def weibull(rng: np.random.Generator, exponent: float, count: int) -> np.ndarray:
     """Draw numbers of the Weibull distribution of scale 1."""
     return power(-log(1.0 - rng.random(count)), 1.0 / exponent)

@@ -29,7 +29,7 @@ import numpy as np
 from procphys_ros.blueprint import Leaves
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
-from procphys_ros.elementary import exp, functions, standard_normal
+from procphys_ros.elementary import exp, functions, normal_of
 
 # Frequency of a blade of one size. With petioles proportional to blades of one thickness,
 # stiffness scales with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
@@ -62,12 +62,14 @@ class Flutter:
         count = len(leaves)
         size = np.maximum(leaves.size, 1e-3)
         self._rest = np.ascontiguousarray(leaves.pose, float)
-        self.frequency = (_FREQUENCY * np.sqrt(_SIZE / size)
-                          * exp(_SPREAD * standard_normal(rng, count)))
-        nod = _NOD_RATIO * exp(_NOD_SPREAD * standard_normal(rng, (count, 2)))
+        # A row per leaf: leaves that join a scene later do not change those before them.
+        draws = rng.random((count, 4 + _MODES))
+        normal = normal_of(draws[:, :4])
+        self.frequency = _FREQUENCY * np.sqrt(_SIZE / size) * exp(_SPREAD * normal[:, 0])
+        nod = _NOD_RATIO * exp(_NOD_SPREAD * normal[:, 1:3])
         ratio = np.column_stack([nod, np.ones(count)])
         self._rate = 2.0 * np.pi * self.frequency[:, None] * ratio
-        self._phase = rng.uniform(0.0, 2.0 * np.pi, (count, _MODES))
+        self._phase = 2.0 * np.pi * draws[:, 4:]
         self._onset = _ONSET * self.frequency * size
 
     def poses(self, carrier: np.ndarray, frames: np.ndarray, air: np.ndarray,
