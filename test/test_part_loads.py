@@ -22,9 +22,10 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import GROUND
-from procphys_ros.scene import Scene
+from procphys_ros.scene import Scene, Settings
+from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import Owner, Simulation
 from procphys_ros.simulation.part_loads import describe, load_of
 
 GRAVITY = 9.81
@@ -80,6 +81,43 @@ def test_a_trunk_may_be_nearest_to_being_uprooted():
     foot = load_of(simulation.state, 0)
     np.testing.assert_allclose(foot.share, foot.moment / moment, rtol=1e-3)
     assert load_of(simulation.state, 1).share < 0.3 * foot.share
+
+
+def test_a_tree_that_joins_has_no_load_before_its_first_step(simulation):
+    """Say nothing of a new tree, not that it carries nothing, while others go on."""
+    grown = simulation.fork()
+    late = grown.add(beam(), (30.0, 0.0, 0.0), name='late')
+    assert np.isnan(grown.loads()[late.first:]).all()
+    assert np.isfinite(grown.loads()[:late.first]).all()
+    grown.step()
+    weight = GRAVITY * grown.blueprint.mass[late.first:].sum()
+    np.testing.assert_allclose(grown.load(late.first).force, weight, rtol=1e-9)
+
+
+def test_a_branch_that_came_off_has_no_load_at_its_base():
+    """Break the foot of a beam, which goes on as a flexible branch: nothing holds it there."""
+    grown = beam()
+    strength = np.where(grown.bonds[:, 0] == GROUND, 0.1 * STRENGTH, np.inf)
+    scene = Scene()
+    scene.add(replace(grown, hinges=replace(grown.hinges, strength=strength)), name='beam')
+    broken = Simulation(scene)
+    broken.apply_impulse(9, (400.0, 0.0, 0.0))
+    while not broken.bonds_broken:
+        broken.step()
+    assert broken.state.parts.owner[0] == Owner.TREE
+    assert broken.load(0).force == broken.load(0).share == 0.0 < broken.load(1).force
+
+
+def test_a_sleeping_tree_carries_its_weight():
+    """Let a beam fall asleep: it is stepped no more, and stands on its foot as before."""
+    scene = Scene(Settings(culling=CullingSettings(sleeping=True)))
+    scene.add(beam(strength=STRENGTH), name='beam')
+    resting = Simulation(scene)
+    resting.set_wind_enabled(False)
+    resting.step(200)
+    assert resting.state.trees.lod.asleep.all()
+    np.testing.assert_allclose(resting.load(0).force, GRAVITY * resting.blueprint.mass.sum(),
+                               rtol=1e-6)
 
 
 def test_the_bricks_at_the_foot_carry_the_pier(simulation):

@@ -57,7 +57,7 @@ def loads_of(state: State, parts: np.ndarray) -> np.ndarray:
 
     :param state: between two steps.
     :param parts: indices, (K,).
-    :returns: columns as in `PartLoad`, (K, 3); 0 for loose or gone parts, NaN for trees before the
+    :returns: columns as in `PartLoad`, (K, 3); 0 for loose or gone parts, NaN for trees before their
         first step, which computes their joint loads.
     """
     out = np.zeros((len(parts), 3))
@@ -84,13 +84,11 @@ def describe(state: State, part: int) -> str:
 
 
 def _branches(state: State, parts: np.ndarray) -> np.ndarray:
-    if not state.steps:
-        return np.full((len(parts), 3), np.nan)
     rows, source = state.parts.row[parts], state.blueprint
     wrench, bonds = state.forest.joint_wrenches[rows], state.forest.bonds[rows]
     hinges = source.hinges.take((np.cumsum(source.bond_law == Law.HINGE) - 1)[bonds])
     force, moment = norm(wrench[:, :3], axis=1), norm(wrench[:, 3:], axis=1)
-    axis = rotation.rotate(state.parts.poses[parts, 3:], np.array([0.0, 0.0, 1.0]))
+    axis = rotation.rotate(state.forest.poses[rows, 3:], np.array([0.0, 0.0, 1.0]))
     twist = np.abs((wrench[:, 3:] * axis).sum(axis=1))
     bending = np.sqrt(np.maximum(moment * moment - twist * twist, 0.0))
     stress = bending / section_modulus(source.bond_extent[bonds, 0])

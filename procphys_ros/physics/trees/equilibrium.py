@@ -24,6 +24,8 @@ their weight is left out, so that K is always positive: standing trees then conv
 5 to 20 per iteration.
 """
 
+import math
+
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import integrator, joints, passes, pose
 from procphys_ros.physics.trees.layout import REACH
@@ -64,7 +66,7 @@ def lean(plan, trees, model, state, scratch, wind, gravity, goal):
             for c in range(12):
                 state.middle[i, c] = state.frame[i, c]
             for c in range(6):
-                state.wrenches[i, c] = 0.0
+                state.wrenches[i, c] = math.nan
 
 
 @subroutine(**INLINE)

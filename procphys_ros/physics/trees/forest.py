@@ -72,7 +72,7 @@ class Forest:
     :ivar velocities: linear of the centre of mass and angular [m/s], [rad/s], (S, 6), world.
     :ivar bends: joint coordinates: bends about the two axes, twist [rad], stretch [m], (S, 4).
     :ivar joint_wrenches: force and moment that the parent exerts on the segment at the joint in
-        the last step [N], [N·m], (S, 6), world.
+        its last step [N], [N·m], (S, 6), world; NaN before its first step, 0 without a joint.
     """
 
     _model: state.ForestModel
@@ -158,6 +158,7 @@ class Forest:
         """Reset to the rest pose without damage, bit for bit as first built."""
         for column in self._state:
             column[:] = 0.0
+        self._state.wrenches[:] = np.nan
         self._state.bend[:] = self._rest_bend
         anchors.place(self._state, self._anchors, self._rooted)
         self._model.joint[:] = self._joints
@@ -310,6 +311,7 @@ class Forest:
         self._model.joint[row] = state.SegmentJoint.FREE
         self.parents[row] = -1
         self._state.stop[row] = 0.0
+        self._state.wrenches[row] = 0.0
         self._stale = True
 
     def keep_leaves(self, rows: np.ndarray, share: np.ndarray) -> None:

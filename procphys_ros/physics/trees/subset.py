@@ -57,13 +57,12 @@ def rows_of(plan, trees):
 
 @kernel
 def hold(rows, state):
-    """Set trees to rest at their present bends."""
+    """Set trees to rest at their present bends; joints go on carrying what they carried."""
     for i in rows:
         for c in range(6):
             state.velocities[i, c] = 0.0
             state.carried[i, c] = 0.0
             state.push[i, c] = 0.0
-            state.wrenches[i, c] = 0.0
         for c in range(12):
             state.middle[i, c] = state.frame[i, c]
         state.struck[i, 0] = 0.0
