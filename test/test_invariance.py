@@ -76,9 +76,15 @@ def nothing(simulation: Simulation, placed: Placed) -> None:
     """Leave it to the wind."""
 
 
+def pull(simulation: Simulation, placed: Placed) -> None:
+    """Pull at a branch for a moment, so that the tree sways."""
+    simulation.apply_impulse(12, placed.vector((40.0, 15.0, -10.0)))
+
+
 @pytest.mark.parametrize('grammar, wind, act, broken', [
     ('garden_wall.wall', 0.0, strike, 40), ('cottage.wall', 0.0, strike, 4),
-    ('garden_wall.wall', 0.0, explode, 40), ('birch.lsys', 14.0, nothing, 0)])
+    ('garden_wall.wall', 0.0, explode, 40), ('birch.lsys', 14.0, nothing, 0),
+    ('birch.lsys', 8.0, pull, 0)])
 def test_all_is_the_same_until_loose_bodies_touch(grammar, wind, act, broken):
     """Compare what breaks, in order, and where parts are, up to the first contact in an engine."""
     placed = [Placed(*place) for place in _PLACES]

@@ -41,6 +41,7 @@ _SPRUNG = int(SegmentJoint.SPRUNG)
 _FREE = int(SegmentJoint.FREE)
 _ATTEMPTS = 4  # solutions per step while limits engage or release; clamping handles the rest
 _PERIOD = 16  # [steps] between projections, staggered over trees
+_GRAMS = 1000.0  # [1/kg]
 _MIDPOINT, _IMPLICIT = 0.5, 1.0  # implicitness θ of a step
 
 
@@ -121,8 +122,8 @@ def solve(rows, above, model, state, scratch, wind, gravity, dt):
     """
     frame, h = state.middle, _MIDPOINT * dt
     root = rows[0]
-    # Stagger trees by position: the motion of a tree does not depend on other trees.
-    turn = int(97.3 * abs(model.mount[root, 0]) + 61.7 * abs(model.mount[root, 1]))
+    # Stagger trees by weight: the motion of a tree depends neither on its place nor on others.
+    turn = int(_GRAMS * model.body[root, MASS])
     if (int(state.age[root, 0]) + turn) % _PERIOD == 0:
         project(rows, above, model, state, scratch, wind, gravity)
     changed = passes.factor(rows, above, model, state, scratch, frame, wind, gravity, h, dt, 1.0,
