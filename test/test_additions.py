@@ -210,6 +210,20 @@ def test_what_is_loose_can_be_put_elsewhere():
         np.testing.assert_array_equal(simulation.poses, before)
 
 
+def test_what_is_put_elsewhere_keeps_its_motion():
+    """Move a ball that was just launched, then struck: it flies on with both, from there."""
+    simulation = stand(wall(3, 3))
+    ball = simulation.launch(Projectile('sphere', 0.2, 5.0, (0.0, -9.0, 1.0), (3.0, 0.0, 0.0)))
+    np.testing.assert_array_equal(simulation.velocities[ball], [3.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    simulation.set_body_state(ball, (2.0, -9.0, 30.0, 0.0, 0.0, 0.0, 1.0))
+    simulation.apply_impulse(ball, (0.0, 10.0, 0.0))
+    simulation.set_body_state(ball, (4.0, -9.0, 30.0, 0.0, 0.0, 0.0, 1.0))
+    np.testing.assert_allclose(simulation.velocities[ball], [3.0, 2.0, 0.0, 0.0, 0.0, 0.0],
+                               atol=1e-12)
+    simulation.step(6)
+    np.testing.assert_allclose(simulation.poses[ball, :2], [4.3, -8.8], atol=0.01)
+
+
 def test_a_piece_moves_as_one_when_a_part_of_it_is_moved():
     """Put one brick of a loose pair elsewhere, turned: the other keeps its place beside it."""
     simulation = stand(wall(2, 2))

@@ -140,6 +140,28 @@ def test_far_trees_stepped_less_often_stay_close_to_the_full_simulation():
     assert 0.0 < error < 0.35 * sway
 
 
+def test_an_impulse_at_the_centre_of_a_far_branch_does_not_spin_it():
+    """Push a branch whose shown pose lies between two steps: the middle is still its middle."""
+    coarse = stand(far_interval=4, far_distance=5.0)
+    coarse.set_observer((-60.0, 0.0, 2.0))
+    coarse.step(31)
+    forest, row = coarse.state.forest, coarse.state.parts.row
+    apart = np.abs(coarse.poses[:, :3] - forest.poses[row, :3]).max(axis=1)
+    part = int(np.argmax(apart))
+    assert apart[part] > 1e-3
+    before, arm = forest.velocities[row[part]].copy(), np.array([0.0, 0.0, 0.1])
+    coarse.apply_impulse(part, (0.0, 1.0, 0.0))
+    change = forest.velocities[row[part]] - before
+    np.testing.assert_allclose(change, [0.0, 1.0 / coarse.blueprint.mass[part], 0, 0, 0, 0],
+                               atol=1e-12)
+    coarse.apply_impulse(part, (0.0, 1.0, 0.0), point=coarse.poses[part, :3] + arm)
+    spun = forest.velocities[row[part], 3:].copy()
+    twin = coarse.fork()
+    twin.apply_impulse(part, angular=-np.cross(arm, [0.0, 1.0, 0.0]))
+    assert np.abs(spun - before[3:]).max() > 1e-3
+    np.testing.assert_allclose(twin.state.forest.velocities[row[part], 3:], before[3:], atol=1e-12)
+
+
 def test_culling_off_changes_nothing_and_on_repeats_itself():
     """Match a scene without culling bit by bit when off, and itself in two runs when on."""
     plain, off = stand(), stand(field_of_view=0.5)

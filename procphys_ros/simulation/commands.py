@@ -187,8 +187,10 @@ def apply_wrenches(model: Model, state: State, dt: float) -> None:
 def _push(state: State, part: int, linear: np.ndarray, angular: np.ndarray,
           point: np.ndarray) -> None:
     """Add momentum to a segment of a tree, or to the body that a part belongs to."""
-    if state.parts.owner[part] == Owner.TREE:
-        state.forest.apply_impulse(int(state.parts.row[part]), point, linear, angular)
+    if state.parts.owner[part] == Owner.TREE:  # a far tree is ahead of its shown pose
+        arm = point - state.parts.poses[part, :3]
+        state.forest.apply_impulse(int(state.parts.row[part]), None, linear,
+                                   angular + np.cross(arm, linear))
     elif state.parts.owner[part] == Owner.BODY:
         state.world.apply_impulse(int(state.parts.body[part]), linear, point, angular)
 
@@ -226,9 +228,9 @@ def _set_body_state(model: Model, state: State, command: SetBodyState) -> None:
     if state.parts.owner[part] != Owner.BODY:
         raise CommandError(f'{state.names.name(part)} stands where it was built or grows there; '
                            'only what is loose can be put elsewhere')
-    pose = state.parts.poses[part] if command.pose is None else checked_pose('part', command.pose)
-    twist = (state.parts.velocities[part] if command.twist is None
-             else checked_twist(command.twist))
+    poses, twists = fragments.part_states(state, np.array([part]))  # with impulses since the step
+    pose = poses[0] if command.pose is None else checked_pose('part', command.pose)
+    twist = twists[0] if command.twist is None else checked_twist(command.twist)
     body = np.array([state.parts.body[part]])
     centre = rotation.compose(pose, rotation.relative(state.parts.local[part], _ORIGIN))
     twist = np.concatenate([twist[:3] + np.cross(twist[3:], centre[:3] - pose[:3]), twist[3:]])

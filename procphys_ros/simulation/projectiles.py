@@ -83,6 +83,7 @@ def launch(model: Model, state: State, projectile: Projectile) -> int:
     body = state.world.add_projectile(int(made.shape[0]), size, float(projectile.mass),
                                       made.poses[0], velocity, restitution=RESTITUTION)
     fragments.adopt(state, np.array([part]), np.array([body]))
+    state.parts.velocities[part] = velocity
     if ball:
         state.bodies.drag_area[body] = _BALL_DRAG * np.square(float(size[0]))
     state.missiles.append(Missile(part, body, ball, size, float(projectile.mass)))
