@@ -71,8 +71,8 @@ class Branches:
     :ivar twist_stiffness, stretch_stiffness: [N·m/rad], [N/m], (S,); NaN = locked.
     :ivar twist_damping, stretch_damping: [N·m·s/rad], [N·s/m], (S,); NaN = from damping_ratio.
     :ivar break_force, break_torque: [N], [N·m], (S,); inf = never.
-    :ivar root_stiffness: of the root plate in the ground [N·m/rad], (S,); NaN = rigid. It and
-        root_moment apply to segments on the ground only.
+    :ivar root_stiffness: of the root plate in the ground, in series with the joint's own
+        [N·m/rad], (S,); NaN = rigid. It and root_moment apply to segments on the ground only.
     :ivar root_moment: moment that uproots the root plate [N·m], (S,); inf = never.
     :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
@@ -158,7 +158,7 @@ def build(branches: Branches, leaves: Leaves = _BARE, ornaments: Ornaments = _PL
 
 def bending_stiffness(branches: Branches) -> np.ndarray:
     """
-    Compute the swing stiffness of every joint from beam theory [N·m/rad], (S,).
+    Compute the swing stiffness of every joint, given or from beam theory [N·m/rad], (S,).
 
     A joint stands for the bending of the two half segments beside it, in series: E·I/L between
     equal segments. Where a segment starts clamped (at the ground, or sideways on its parent) only
@@ -166,14 +166,18 @@ def bending_stiffness(branches: Branches) -> np.ndarray:
     0.5 % of the Euler-Bernoulli beam, without it 9 % low. The bending of tapered halves is
     integrated along them; the root plate is one more spring in series.
     """
-    tip = np.where(branches.tip_width > 0.0, branches.tip_width, branches.width)
-    middle = 0.5 * (branches.width + tip)
+    middle = 0.5 * (branches.width + branches.tip_width)
+    # Nothing bends at a tip that tapers to a point.
+    tip = np.where(branches.tip_width > 0.0, branches.tip_width, middle)
     near, far = (_bend_of_half(branches, first, last)
                  for first, last in ((branches.width, middle), (middle, tip)))
     follows = (branches.parent >= 0) & ~branches.lateral
+    given = ~np.isnan(branches.swing_stiffness)
+    wood = np.where(given, 1.0 / branches.swing_stiffness,
+                    near + np.where(follows, far[branches.parent], 0.0))
     rooted = (branches.parent < 0) & ~np.isnan(branches.root_stiffness)
-    return 1.0 / (near + np.where(follows, far[branches.parent], 0.0)
-                  + np.where(rooted, 1.0 / branches.root_stiffness, 0.0))
+    series = 1.0 / (wood + np.where(rooted, 1.0 / branches.root_stiffness, 0.0))
+    return np.where(given & ~rooted, branches.swing_stiffness, series)
 
 
 def wood_mass(branches: Branches) -> np.ndarray:
@@ -308,7 +312,7 @@ def _hinges(branches: Branches) -> Hinges:
 
     return Hinges(
         swing_limit=branches.swing_limit,
-        swing_stiffness=default(branches.swing_stiffness, bending_stiffness(branches)),
+        swing_stiffness=bending_stiffness(branches),
         swing_damping=branches.swing_damping, damping_ratio=branches.damping_ratio,
         twist_stiffness=default(branches.twist_stiffness, np.inf),
         twist_damping=branches.twist_damping,

@@ -78,6 +78,13 @@ def test_tapered_halves_are_integrated():
         1.0 / (bend[0][10000:].sum() + bend[1][:10000].sum()), rel=1e-6)
 
 
+def test_a_tip_that_ends_in_a_point_bends_like_one_that_nearly_does():
+    """Taper the last segment to nothing: its joint is not as stiff as that of a cylinder."""
+    sharp, blunt = (skeleton.build(_branches(2, width=np.full(2, 0.1), tip_width=np.array(
+        [0.1, tip]))).hinges.swing_stiffness for tip in (0.0, 1e-9))
+    assert sharp == pytest.approx(blunt, rel=1e-6)
+
+
 def test_a_cone_keeps_mass_and_centre_of_mass():
     """Cut a cone into segments: total mass and its moment about the ground are the cone's."""
     ends = np.linspace(0.3, 0.0, 6)
@@ -110,6 +117,9 @@ def test_a_root_plate_gives_way_in_series():
     assert soft.swing_stiffness[0] == pytest.approx(1.0 / (1.0 / 3e4
                                                            + 1.0 / rigid.swing_stiffness[0]))
     assert soft.swing_stiffness[1] == rigid.swing_stiffness[1]
+    given = skeleton.build(_branches(2, root_stiffness=np.full(2, 3e4),
+                                     swing_stiffness=np.full(2, 6e4))).hinges.swing_stiffness
+    assert given == pytest.approx([2e4, 6e4])
 
 
 def test_side_branch_is_clamped_on_its_parent():
