@@ -23,6 +23,7 @@ from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves
 from procphys_ros.errors import SceneError
 from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.foliage import (
     carried,
     drag_pressure,
@@ -37,7 +38,8 @@ from procphys_ros.physics.wind import WindSettings
 from procphys_ros.render.film import moment_of
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import read_settings, Settings
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import breaking, Simulation
+from procphys_ros.simulation.parts import drag_area
 
 SPRAY = ' '.join(f'[ +({40 * i}) &(60) Leaf({0.1 + 0.02 * i:.2f}, 1) ]' for i in range(9))
 TREE = f"""
@@ -256,6 +258,20 @@ def test_leaf_area_that_is_left_adds_up():
                        minlength=len(tree))
     assert foliage.left == pytest.approx(left, abs=1e-12)
     assert 0 < foliage.attached.sum() < len(tree.leaves)
+
+
+def test_a_branch_that_fell_has_the_drag_of_the_leaves_it_kept():
+    """Break a tree that a storm has stripped: its rigid pieces no longer catch that wind."""
+    simulation = simulate(45.0)
+    simulation.step(10)
+    tree, left = simulation.blueprint, simulation.state.leaves.left
+    bare = drag_area(replace(tree, leaf_area=np.zeros(len(tree))))
+    rows, _, velocities = simulation.state.forest.detach(2)
+    parts = simulation.state.forest.parts[rows]
+    body, = breaking.release(simulation.model, simulation.state, [parts], velocities)
+    assert left[parts].sum() < 0.6 * tree.leaf_area[parts].sum()
+    assert simulation.state.bodies.drag_area[body] == pytest.approx(
+        bare[parts].sum() + FOLIAGE_DRAG * left[parts].sum())
 
 
 def test_switched_off_leaves_change_nothing():

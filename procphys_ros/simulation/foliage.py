@@ -23,6 +23,7 @@ and 7 % of that of the segments which carry them, while their share of the drag 
 import numpy as np
 
 from procphys_ros import rotation
+from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.foliage import air_speeds, carried, Flutter
 from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model
@@ -37,8 +38,8 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     Tear off leaves in strong wind, and move those in flight.
 
-    Only standing trees lose leaves; those of a detached branch fall with it. Writes
-    `state.leaves` and the leaf area of the forest.
+    Trees and flexible branches lose leaves; those of a rigid branch fall with it. Writes
+    `state.leaves`, the leaf area of the forest and the drag areas of parts.
     """
     if model.settings.leaves.shedding and state.wind.enabled and len(model.leaves.queue):
         _tear_off(model, state)
@@ -117,6 +118,7 @@ def _let_go(model: Model, state: State, leaf: np.ndarray) -> None:
     own.fallen.let_go(leaf, rotation.compose(state.parts.poses[part], leaves.pose[leaf]),
                       state.parts.velocities[part, :3], leaves.size[leaf])
     np.subtract.at(own.left, part, model.leaves.area[leaf])
+    np.subtract.at(state.parts.drag_area, part, FOLIAGE_DRAG * model.leaves.area[leaf])
     part = np.unique(part)
     share = np.clip(own.left[part] / model.blueprint.leaf_area[part], 0.0, 1.0)
     state.forest.keep_leaves(state.parts.row[part], share)
