@@ -140,6 +140,20 @@ def test_small_pieces_are_rigid_at_once_and_large_ones_are_not():
         assert (simulation.state.carrier[part] >= 0) != limp
 
 
+def test_a_stump_and_the_branch_that_came_off_it_break_in_one_step():
+    """Overload a joint of each: they are on one path no more, so neither waits for the other."""
+    simulation = stand()
+    simulation.step()
+    forest = simulation.state.forest
+    forest.release(1)
+    inner = next(row for row in range(2, len(forest)) if forest.parents[row] == 1)
+    forest._capacity[[0, inner], 2] = 1.0  # [Pa]
+    forest.apply_impulse(0, linear=(5.0, 0.0, 0.0))
+    forest.apply_impulse(inner, linear=(0.0, 5.0, 0.0))
+    simulation.step()
+    assert sorted(simulation.events['bond']) == sorted(forest.bonds[[0, inner]])
+
+
 def test_a_falling_branch_breaks_again_where_it_hits():
     """Shatter brittle branches on the ground, not tough ones; only after they have landed."""
     def run(strength: float) -> tuple[int, int]:

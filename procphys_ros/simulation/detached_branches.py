@@ -38,9 +38,10 @@ def step(model: Model, state: State, dt: float) -> None:
     """
     Make lying branches rigid, and break the joints that the last step of the trees overloaded.
 
-    On each root-to-tip path the most overloaded joint breaks first; the joints above and below it
-    are judged again in the next step, without the load that broke it. Writes the forest and
-    `state.excluded`, and releases small pieces. Poses, momentum and angular momentum are kept.
+    On each root-to-tip path of a tree or branch the most overloaded joint breaks first; the joints
+    above and below it are judged again in the next step, without the load that broke it. Writes
+    the forest and `state.excluded`, and releases small pieces. Poses, momentum and angular
+    momentum are kept.
     """
     make_rigid(model, state, dt)
     _break_joints(model, state)
@@ -53,9 +54,11 @@ def _break_joints(model: Model, state: State) -> None:
     if not len(rows):
         return
     over = loads / model.trees.capacity[rows, np.searchsorted(CAUSES, causes)]
+    roots = forest.roots(rows)
     chosen: list[int] = []
     for i in np.argsort(-over, kind='stable'):
-        if not any(_share_path(forest.ends, rows[i], rows[j]) for j in chosen):
+        if not any(roots[i] == roots[j] and _share_path(forest.ends, rows[i], rows[j])
+                   for j in chosen):
             chosen.append(int(i))
     breaking.break_bonds(model, state, bonds[chosen], causes[chosen], over[chosen])
     rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
