@@ -57,8 +57,8 @@ def loads_of(state: State, parts: np.ndarray) -> np.ndarray:
 
     :param state: between two steps.
     :param parts: indices, (K,).
-    :returns: columns as in `PartLoad`, (K, 3); 0 for loose or gone parts, NaN for trees before their
-        first step, which computes their joint loads.
+    :returns: columns as in `PartLoad`, (K, 3); 0 for loose or gone parts, NaN for trees before
+        their first step, which computes their joint loads.
     """
     out = np.zeros((len(parts), 3))
     owner = state.parts.owner[parts]
