@@ -198,17 +198,18 @@ def _mix(moments, share, extent):
 
 
 @kernel
-def _sliding(shear, share, friction, radius, away, out):
+def _sliding(shear, share, secant, friction, radius, away, out):
     """
     Write the tangent of friction along x and y and about z, 3 x 3, at the link's point.
 
     Radial return in x, y and radius times twist: a sliding joint is soft only along its slide.
 
+    :param secant: share of the secant stiffness along the slide, see `_steady`.
     :param away: point where friction acts, from the link's point [m].
     """
     slides = shear * max(friction[3], share)
     size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
-    free = (1.0 - share) / size ** 2 if friction[3] < 1.0 and size > 0.0 else 0.0
+    free = (1.0 - max(share, secant)) / size ** 2 if friction[3] < 1.0 and size > 0.0 else 0.0
     way = (friction[0], friction[1], friction[2] / radius)
     scale = (1.0, 1.0, radius)
     for r in range(3):
@@ -238,15 +239,15 @@ def _pack(axes, block, link):
 
 
 @kernel
-def _tangent(m, axes, extent, normal, shear, share, firm, friction, middle, place, moments, links,
-             coupling, scratch):
+def _tangent(m, axes, extent, normal, shear, share, secant, friction, middle, place, moments,
+             links, coupling, scratch):
     """Write the tangent stiffness of a joint; return its least share of the whole stiffness."""
     block, turn, slides = scratch
     block[:] = 0.0
     turn[:] = 0.0
     x, y = middle[m, 0], middle[m, 1]
     away = place[m, 0] - x, place[m, 1] - y
-    _sliding(shear, max(share, firm), friction, _radius(extent[m]), away, slides)
+    _sliding(shear, share, secant, friction, _radius(extent[m]), away, slides)
     for r in range(2):
         for c in range(2):
             block[r, c] = slides[r, c]
@@ -266,23 +267,26 @@ def _tangent(m, axes, extent, normal, shear, share, firm, friction, middle, plac
 
 
 @kernel
-def _steady(m, friction, radius, way, firm):
+def _steady(m, friction, radius, way, secant):
     """
-    Raise the least stiffness of a joint whose friction has reversed in a step, else lower it.
+    Set the stiffness along the slide of a joint whose friction has reversed to its secant.
 
-    A sliding joint is free to move, and a step that overshoots drives it back by as much.
+    A sliding joint is free to move along its slide, and a step that overshoots drives it back by
+    as much, for ever. The secant, bound over elastic slip, is the stiffness of the parabola that
+    touches the energy of friction from above, which no step can overshoot (iteratively reweighted
+    least squares: Huber & Ronchetti 2009, Robust Statistics, 7.8).
 
     :param way: direction of friction after the last step, unit vectors, updated, (M, 3).
-    :param firm: least share of the stiffness, (M,), changed in place.
+    :param secant: share of the secant stiffness along the slide, (M,), changed in place.
     """
     size = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
     if friction[3] == 1.0 or size == 0.0:
         return
     u, v, w = friction[0] / size, friction[1] / size, friction[2] / (radius * size)
     if u * way[m, 0] + v * way[m, 1] + w * way[m, 2] < _TURNED:
-        firm[m] = min(max(firm[m] / SOFTER, SHARE), 1.0)
+        secant[m] = 1.0
     else:
-        firm[m] *= SOFTER
+        secant[m] *= SOFTER
     way[m, 0], way[m, 1], way[m, 2] = u, v, w
 
 
@@ -297,8 +301,8 @@ def _tie(m, first, second, centroid, centre, axes, middle, links):
 
 @kernel(nogil=True)
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
-              middle, place, bound, bias, links, coupling, grip, q, residual, shares, way, firm,
-              renew):
+              middle, place, bound, trend, bias, links, coupling, grip, q, residual, shares, way,
+              secant, renew):
     """
     Linearise joints about the displacements: update tangents, biases and forces.
 
@@ -308,8 +312,11 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
     :param bias, links, coupling: updated.
     :param residual: receives the difference between old model and true force, (N + 1, 6).
     :param shares: least share of the whole stiffness in tangents, (M,).
-    :param way, firm: see `_steady`.
-    :param renew: whether points and bounds of friction follow the pressure.
+    :param trend: last change of the bound, updated [N], (M,).
+    :param way, secant: see `_steady`; updated after a step, where `renew` is False.
+    :param renew: whether points and bounds of friction follow the pressure. A bound whose change
+        reverses goes half of the way (Krasnoselskii-Mann iteration): joints that press less the
+        more they rub would jump from one pressure to the other for ever.
     """
     d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
@@ -324,17 +331,22 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
         x, y = _mix(moments, shares[m], extent[m])
         middle[m, 0], middle[m, 1] = x, y
         if renew:
-            bound[m] = friction[m] * max(-n[0], 0.0)
+            change = friction[m] * max(-n[0], 0.0) - bound[m]
+            if change * trend[m] < 0.0:
+                change *= 0.5
+            bound[m] += change
+            trend[m] = change
             place[m, 0], place[m, 1] = x, y
         _friction(m, d, shear[m], extent, place, bound, slip, t)
-        _steady(m, t, _radius(extent[m]), way, firm)
+        if not renew:
+            _steady(m, t, _radius(extent[m]), way, secant)
         local[0], local[1], local[2] = t[0], t[1], n[0]
         local[3], local[4] = n[1] - y * n[0], n[2] + x * n[0]
         local[5] = t[2] + (place[m, 0] - x) * t[1] - (place[m, 1] - y) * t[0]
         _turned(m, axes, local, world)
         _tie(m, first, second, centroid, centre, axes, middle, links)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], world, 1.0, residual)
-        grip[m] = _tangent(m, axes, extent, stiffness, shear[m], shares[m], firm[m], t, middle,
+        grip[m] = _tangent(m, axes, extent, stiffness, shear[m], shares[m], secant[m], t, middle,
                            place, moments, links, coupling, scratch)
         bias[m] = 0.0
         _model(m, links, coupling, bias, first, second, q, moved, force)

@@ -83,17 +83,18 @@ class CrackedJoints:
         self._middle = np.zeros((count, 2))  # centroid of the pressed part, where the link is [m]
         self._place = np.zeros((count, 2))   # friction point: `_middle` at the last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
+        self._trend = np.zeros(count)        # its last change [N]
         self._share = np.full(count, SHARE)
         self._way = np.zeros((count, 3))  # direction of friction after the last step, unit vectors
-        self._firm = np.zeros(count)      # least share of the stiffness against sliding
+        self._secant = np.zeros(count)    # share of the secant stiffness along the slide
         self._sticks = np.zeros(count, bool)  # at any pressure, until an equilibrium is found
         self._normal = np.ascontiguousarray(graph.spring[:, 2])
         self._shear = np.ascontiguousarray(graph.spring[:, 0])
 
     def reset(self) -> None:
         """Reset the state of all joints to uncracked."""
-        for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._way,
-                      self._firm):
+        for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._trend,
+                      self._way, self._secant):
             array[:] = 0.0
         self._share[:] = SHARE
         self._sticks[:] = False
@@ -104,8 +105,8 @@ class CrackedJoints:
 
         :param mine: rows here of all bonds there, (K,).
         """
-        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_share', '_way', '_firm',
-                     '_sticks'):
+        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_trend', '_share', '_way',
+                     '_secant', '_sticks'):
             getattr(self, name)[mine] = getattr(other, name)
         cracked = self.graph.cracked[mine]
         for name in ('links', 'coupling'):
@@ -136,9 +137,9 @@ class CrackedJoints:
             if len(some):
                 joint_kernels.linearise(
                     some, *self._geometry, self._normal, self._shear, graph.mortar.friction,
-                    self._slip, self._middle, self._place, self._bound, self._bias, graph.links,
-                    graph.coupling, graph.grip, displacement, residual, self._share, self._way,
-                    self._firm, follows)
+                    self._slip, self._middle, self._place, self._bound, self._trend, self._bias,
+                    graph.links, graph.coupling, graph.grip, displacement, residual, self._share,
+                    self._way, self._secant, follows)
 
     def stick(self, rows: np.ndarray) -> None:
         """Prevent sliding in joints until `release`."""

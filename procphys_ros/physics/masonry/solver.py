@@ -124,7 +124,8 @@ class StressSolver:
     def _begin_at_displacements(self) -> None:
         """Restart at the present displacements; the caller updates blocks and coarse space."""
         equilibrium, graph = self.equilibrium, self.graph
-        self._step, self._begun, self._target = NewtonStep.straight(equilibrium), False, 0.0
+        self._step, self._target = NewtonStep.straight(equilibrium), 0.0
+        self._begun = self._renewed = False
         self._calm, self._calm_at = np.zeros_like(self.displacement), -1
         self.sound, self.goal = self.displacement.copy(), self.tolerance
         self.iterations = np.zeros(graph.count, np.int64)
@@ -234,9 +235,13 @@ class StressSolver:
             self._finish()
             self._moved()
 
-    def _moved(self) -> None:
-        """Record that loads or bonds have changed."""
-        self._begun = False
+    def _moved(self, renewed: bool = False) -> None:
+        """
+        Record that loads, bonds or the bounds of friction have changed.
+
+        :param renewed: whether these bounds are those of the present pressures.
+        """
+        self._begun, self._renewed = False, renewed
         self._stale_view = True
 
     def _look(self) -> None:
@@ -281,7 +286,7 @@ class StressSolver:
             if self._balanced:
                 self.equilibrium.joints.release()
                 self.equilibrium.linearise(np.flatnonzero(self.graph.cracked))
-                self._moved()
+                self._moved(renewed=True)
                 continue
             if self.known and self.residual <= target:
                 break
@@ -309,7 +314,7 @@ class StressSolver:
         rows = self._islands.cracked(self.graph)
         self._begun, self._step = True, NewtonStep.straight(self.equilibrium)
         if len(rows):
-            self._linearise(rows)
+            self._linearise(rows, not self._renewed)
             self._next_step()
 
     def _end(self) -> None:
@@ -319,7 +324,7 @@ class StressSolver:
         self._next_step()
         if not self._step.curved:  # balanced under old friction bounds: update the bounds
             self.equilibrium.linearise(rows)
-            self._moved()
+            self._moved(renewed=True)
 
     def _finish(self) -> None:
         """Finish a step by line search with the true forces."""
@@ -333,7 +338,7 @@ class StressSolver:
         if self._step.confined:
             self._gradients.confine(self._step.islands)
 
-    def _linearise(self, rows: np.ndarray, renew: bool = True) -> None:
+    def _linearise(self, rows: np.ndarray, renew: bool) -> None:
         """Update the tangents of joints, see `CrackedJoints.linearise`."""
         self.equilibrium.linearise(rows, renew)
         self._gradients.invert_blocks(self.graph.parts_of(rows))
