@@ -68,8 +68,7 @@ setup(
         'report': ['matplotlib', 'pytest', 'pytest-timeout', 'pytest-xdist'],
         'test': ['pytest', 'pytest-timeout', 'pytest-xdist', 'ruff', 'mypy', 'types-PyYAML',
                  # the wheels of ament's linters do not name what they need
-                 'ros-ament-flake8', 'flake8', 'flake8-builtins', 'flake8-comprehensions',
-                 'flake8-import-order', 'flake8-quotes',
+                 'ros-ament-flake8', 'flake8', 'flake8-import-order',
                  'ros-ament-pep257', 'pydocstyle',
                  # readers of what is exported and recorded, none of them ours
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',

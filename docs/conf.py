@@ -25,7 +25,7 @@ sys.path.insert(0, str(_ROOT))
 from procphys_ros import __version__  # noqa: E402
 
 project = 'procphys_ros'
-author = copyright = 'The procphys_ros authors'
+author = copyright = 'The procphys_ros authors'  # noqa: A001
 release = __version__
 
 extensions = ['myst_parser', 'sphinx.ext.autodoc']

@@ -19,6 +19,7 @@ import gc
 
 from measurement import Measured
 import pytest
+import single_thread  # noqa: F401 (before anything imports numpy)
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
 # About every third one waits for nodes and leaves its core to others.
@@ -41,6 +42,12 @@ def pytest_collection_modifyitems(items):
     """Begin with the longest files."""
     order = {name: place for place, name in enumerate(LONG)}
     items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
+
+
+def pytest_collection_finish():
+    """Spare modules, which are there to the end, from every search for garbage."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

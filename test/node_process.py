@@ -33,6 +33,7 @@ from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.parameter import Parameter
+from single_thread import as_for_users
 from std_srvs.srv import SetBool, Trigger
 
 os.environ['ROS_DOMAIN_ID'] = str(1 + os.getpid() % 100)  # own domain: sessions do not meet
@@ -79,7 +80,7 @@ class NodeProcess:
             command += ['--params-file', str(path)]
         self.process = subprocess.Popen(
             command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            env={**os.environ, 'PYTHONUNBUFFERED': '1'})
+            env={**as_for_users(os.environ), 'PYTHONUNBUFFERED': '1'})
         self._lines: Queue = Queue()
         self._said: list[str] = []
         # Always read what it says: a pipe that is full would stop it.
