@@ -202,7 +202,8 @@ def loose_triangles(poses: np.ndarray, corners: np.ndarray) -> Mesh:
     :param corners: in those frames [m], (T, 9).
     """
     local = corners.reshape(-1, 3, 3)
-    normal = np.cross(local[:, 1] - local[:, 0], local[:, 2] - local[:, 0])
+    one, other = local[:, 1] - local[:, 0], local[:, 2] - local[:, 0]
+    normal = np.cross(one, other)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     uv = np.broadcast_to([[0.0, 0.0], [1.0, 0.0], [0.5, 1.0]], (len(local), 3, 2))
     return _place(poses, local, np.repeat(normal[:, None], 3, axis=1), uv,

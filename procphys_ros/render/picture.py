@@ -178,7 +178,8 @@ def scene_points(moment: Moment) -> np.ndarray:
     carried = Moment(blueprint, moment.poses).petioles()
     petioles = moment.petioles()
     hangs = shown[blueprint.leaves.part]
-    hangs &= np.abs(petioles[:, :3] - carried[:, :3]).max(axis=1, initial=0.0) < _HANGING
+    moved = np.abs(petioles[:, :3] - carried[:, :3])
+    hangs &= moved.max(axis=1, initial=0.0) < _HANGING
     size = blueprint.leaves.size[hangs, None]
     tips = cameras.corners(petioles[hangs], np.repeat(size, 3, axis=1),
                            np.array([[0.0, 0.0, 1.0]]))

@@ -212,8 +212,8 @@ def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
     """Look up the joiner of each pair: mortar, fixing, bearing, or one member's own grain."""
     mortar, fixing, nail, lap, bearing = (
         names.index(n) for n in ('mortar', 'fixing', 'nail', 'lap', 'bearing'))
-    first = np.where(pair[:, 0] == GROUND, pair[:, 1], pair[:, 0])
-    second = pair[:, 1]
+    first, second = pair.T
+    first = np.where(first == GROUND, second, first)
     joints = np.sort(np.column_stack([boxes.joint[first], boxes.joint[second]]), axis=1)
     joiner = np.full(len(pair), mortar)
     joiner[joints[:, 1] != Joint.MORTAR] = fixing

@@ -110,9 +110,10 @@ def images(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
 def _faces(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
            ways: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Yield the first face hit by rays from a point in some directions: point and normal."""
-    nearest = int(np.argmin(np.square(poses[:, :3] - point).sum(axis=1)))
+    away = point - poses[:, :3]
+    nearest = int(np.argmin(np.square(away).sum(axis=1)))
     axes = rotation.to_matrix(poses[:, 3:])
-    offset = np.einsum('nji,nj->ni', axes, point - poses[:, :3])
+    offset = np.einsum('nji,nj->ni', axes, away)
     for way in rotation.rotate(heading(poses[nearest, 3:]), ways):
         along = np.einsum('nji,j->ni', axes, way)
         still = np.abs(along) < 1e-12

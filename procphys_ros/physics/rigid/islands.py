@@ -68,7 +68,8 @@ class Islands(NamedTuple):
         for column, start in zip(self[::2], self[1::2]):
             size = np.diff(start)[chosen]
             begin = np.concatenate([[0], np.cumsum(size)])
-            rows = np.arange(begin[-1]) + np.repeat(start[:-1][chosen] - begin[:-1], size)
+            shift = start[:-1][chosen] - begin[:-1]
+            rows = np.arange(begin[-1]) + np.repeat(shift, size)
             out += [column[rows], begin]
         return type(self)(*out)
 

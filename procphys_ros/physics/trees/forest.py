@@ -337,7 +337,8 @@ class Forest:
         body, axis = self._model.body[row], self._state.frame[row, state.AXIS:]
         turn = np.asarray(angular, float)
         if point is not None:
-            turn = turn + np.cross(np.asarray(point, float) - self.poses[row, :3], linear)
+            arm = np.asarray(point, float) - self.poses[row, :3]
+            turn = turn + np.cross(arm, linear)
         spin = product(axis, turn)
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
@@ -427,9 +428,9 @@ class Forest:
                                                           self._model.extra[moving])
         body, v = self._model.body[moving], self.velocities[moving]
         spin = np.einsum('ij,ij->i', v[:, 3:], self._state.frame[moving, state.AXIS:])
-        kinetic = (body[:, MASS] * (v[:, :3] * v[:, :3]).sum(axis=1)
-                   + body[:, ACROSS] * (v[:, 3:] * v[:, 3:]).sum(axis=1)
-                   + (body[:, ALONG] - body[:, ACROSS]) * (spin * spin))
+        moves, turns = ((w * w).sum(axis=1) for w in (v[:, :3], v[:, 3:]))
+        kinetic = body[:, MASS] * moves + body[:, ACROSS] * turns
+        kinetic += (body[:, ALONG] - body[:, ACROSS]) * (spin * spin)
         height = product(self.poses[moving, :3], self._gravity) - self._rest_height[moving]
         anchored = anchors.energy(self._state.anchor[moving], self.poses[moving, :3])
         elastic = swing[:, STIFFNESS] * (bend[:, :2] * bend[:, :2]).sum(axis=1)

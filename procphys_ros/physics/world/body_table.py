@@ -238,7 +238,8 @@ class BodyTable:
         """
         turn = np.zeros(3) if angular is None else np.array(angular, float)
         if point is not None:
-            turn = turn + np.cross(np.asarray(point) - self.poses[body, :3], impulse)
+            arm = np.asarray(point) - self.poses[body, :3]
+            turn = turn + np.cross(arm, impulse)
         attitude = self.poses[body, 3:]
         spin = rotation.rotate(rotation.conjugate(attitude), turn) / self.inertia[body]
         return np.concatenate([np.asarray(impulse) / self.mass[body],
