@@ -36,7 +36,7 @@ building house
   storey_height: 1.2
   storeys: 2
   floors: {floors}
-layout running {{ unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }}
+layout running {{ unit: 0.215 0.1025 0.14 joint: 0.01 material: brick }}
 panel wall: running
 material brick {{ tension: 0.05e6  cohesion: 0.06e6 }}
 """
@@ -114,7 +114,7 @@ def test_a_house_bridges_a_hole_in_its_ground_floor(floors):
 
 def test_collapse_runs_through_a_house_with_slabs():
     """Take half of the ground floor: the slab tips and brings down what stood on whole walls."""
-    x, stays = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 80)
+    x, stays = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 110)
     assert stays[x > 2.0].mean() < 0.1 and stays[x < 2.0].mean() < 0.5
 
 
@@ -122,9 +122,9 @@ def test_collapse_stops_where_floors_do_not_tie():
     """
     Take half of the ground floor: what stood on it falls, the rest stays up.
 
-    It falls piece by piece within 5 s: cracked joints hold some of it up for a while.
+    It falls piece by piece within 3 s: cracked joints hold some of it up for a while.
     """
-    x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 300)
-    assert stays[x > 2.0].mean() < 0.1  # 0.00 to 0.03 in eight nudged runs
-    assert stays[x < 2.0].mean() > 0.7  # 0.75 to 0.88
-    assert stays[x < 0.5].mean() > 0.9  # 0.97 to 1.00
+    x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 180)
+    assert stays[x > 2.0].mean() < 0.1  # 0.00 in nudged runs
+    assert stays[x < 2.0].mean() > 0.7  # 0.83 to 0.85
+    assert stays[x < 0.5].mean() > 0.9  # 0.99

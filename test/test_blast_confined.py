@@ -111,7 +111,7 @@ def test_a_charge_in_a_gateway_brings_it_down():
     simulation = stand(WallGrammar.parse(GATE).build())
     start = simulation.poses[:, :3].copy()
     simulation.explode((4.5, 0.3, 1.0), 30.0)
-    simulation.step(120)
+    simulation.step(60)
     moved = np.linalg.norm(simulation.poses[:len(start), :3] - start, axis=1) > 0.1
     assert moved.sum() > 40
     assert all(moved[side].any() for side in (start[:, 0] < 4.0, start[:, 0] > 5.0))

@@ -33,7 +33,7 @@ from procphys_ros.simulation.parts import Owner
 
 CONFIG = shared_folder() / 'config'
 NAMES = sorted(path.stem for path in CONFIG.glob('*.yaml'))
-AS_SHIPPED = ('palms_in_a_gust', 'village_street', 'figure_8', 'implosion')  # run below
+AS_SHIPPED = ('palms_in_a_gust', 'village_street', 'implosion')  # run below
 ROOF = ('tile', 'batten', 'rafter', 'covering', 'sheet')
 SMALL = {'cottage': ('storeys=1', 'width=5.0525', 'depth=3.2525'),
          'block': ('bays=1', 'deep=1', 'storeys=1', 'module=2.2', 'min_room=9')}
@@ -214,7 +214,7 @@ def heap(simulation):
 
 def test_charges_bring_a_small_block_down_on_its_own_plan():
     """Bring all of it down, break it into many pieces, and heap them where it stood."""
-    scene = smaller('implosion', ['0.0 demolish'], block={'defines': SMALL['block']})
+    scene = smaller('figure_8', ['0.0 demolish'], block={'defines': SMALL['block']})
     found = envelope(scene, 1.8, charges=broken_by(Cause.DEMOLITION),
                      pieces=lambda simulation: len(simulation.state.bodies.members),
                      height=lambda simulation: heap(simulation)[0],
@@ -226,10 +226,9 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
     found.bound('largest', high=420)  # 55 to 305 of 1,687; 469 before it lands
 
 
-@pytest.mark.parametrize('name', ['figure_8', 'implosion'])
-def test_charges_bring_the_whole_block_down(name, shipped):
+def test_charges_bring_the_whole_block_down(shipped):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(shipped(name), 3.5)  # heights of 0.40 and 0.49, 0.96 and 0.98 inside
+    simulation = run(shipped('implosion'), 3.1)  # a height of 0.57, 0.97 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
@@ -257,7 +256,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
     figures = {'fallen': lambda simulation: min(falls(simulation)[:2]), 'ends': ends,
                'third': lambda simulation: falls(simulation)[2]}
     # PyBullet lets a plate of 7 kg under a stone in by 34 mm in one of 24 runs.
-    found = Envelope(lambda rng: nudge(scene, rng), 1.4, figures, runs=3, sunk=-0.04)
-    found.bound('fallen', 0.9)  # [m] 1.2 to 1.7
+    found = Envelope(lambda rng: nudge(scene, rng), 1.1, figures, runs=3, sunk=-0.04)
+    found.bound('fallen', 0.9)  # [m] 1.5 to 1.6
     found.bound('third', -0.01, 0.01)  # [m] 0
     found.bound('ends', high=0.05)  # 0; rubble may push a stone

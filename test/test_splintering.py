@@ -16,6 +16,7 @@
 """Boards and beams: they break across, and the pieces of a barn's boards fly."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 from masonry_walls import bonded
@@ -33,14 +34,20 @@ CONCRETE = {'tension': 3.5e6, 'cohesion': 0.9e6, 'friction': 0.75, 'compression'
 WOOD = 18e6  # [Pa] tension along the grain in that grammar; nails hold far less
 
 
-def barn():
-    """Make a simulation of a small barn; return it and a mask of the bonds within boards."""
-    built = WallGrammar.load(BARN).build(seed=0, width=7.0, depth=4.0)
+@cache
+def new_barn():
+    """Make a simulation of a small barn, once."""
     scene = Scene()
-    scene.add(built, (0.0, 0.0, 0.0), 0.0, 'barn')
+    scene.add(WallGrammar.load(BARN).build(seed=0, width=7.0, depth=4.0), name='barn')
+    return Simulation(scene)
+
+
+def barn():
+    """Fork a simulation of a small barn; return it and a mask of the bonds within boards."""
+    built = new_barn().blueprint
     board = built.kind == built.kinds.index('board')
     grain = (built.mortar.tension == WOOD) & board[built.bonds].all(axis=1)
-    return Simulation(scene), grain
+    return new_barn().fork(), grain
 
 
 def broken_grain(simulation, grain):
