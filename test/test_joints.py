@@ -113,8 +113,8 @@ def gaps(world):
 @pytest.mark.parametrize('kind, time_step', [
     *((JointKind.HINGE, step) for step in STEPS), (JointKind.BALL, 1.0 / 60.0)])
 def test_a_rod_swings_as_a_compound_pendulum(kind, time_step):
-    """Keep its period, over ten swings its energy, and its point; five of the shortest steps."""
-    angle, swings = 0.5, 10 if time_step > 0.01 else 5
+    """Keep its period, its energy, and its point; what may be lost goes by the swings."""
+    angle, swings = 0.5, 5 if time_step > 0.01 else 2
     world, body = pendulum(kind, angle)
     inertia = 2.0 * (1.0 + 0.05 ** 2) / 12.0 + 2.0 * 0.25
     period = 4.0 * np.sqrt(inertia / (2.0 * G * 0.5)) * ellipk(np.sin(0.5 * angle) ** 2)
@@ -136,7 +136,7 @@ def test_a_double_pendulum_keeps_its_energy(time_step):
     world.join(JointKind.HINGE, ids, [0, ids[0]],
                np.array([pose([0.0, 0.0, 5.0], ALONG_Y), pose([1.0, 0.0, 5.0], ALONG_Y)]))
     first = energy(world, ids)
-    seconds = 10.0 if time_step > 0.01 else 5.0
+    seconds = 5.0
     told = run(world, seconds, time_step, lambda: energy(world, ids) - first)
     assert np.abs(told).max() < 2e-4 * seconds * G * (0.5 + 2.0 * 1.5)
     assert np.abs(world.bodies.poses[ids, 1]).max() < 1e-9
@@ -253,7 +253,7 @@ def test_a_ball_joint_lets_a_pendulum_go_round_a_cone(time_step):
     spin = np.array([0.0, 0.0, speed / radius])
     world.set_velocities(np.array([body]), np.concatenate([[0.0, speed, 0.0], spin])[None])
     world.join(JointKind.BALL, body, 0, pose([0.0, 0.0, 5.0]))
-    seconds = 10.0 if time_step > 0.01 else 5.0
+    seconds = 4.0  # two rounds
     told = run(world, seconds, time_step, lambda: world.bodies.poses[body, :3])
     assert np.abs(told[:, 2] - 5.0 + depth).max() < 1e-3 * seconds * depth
     assert periods(told[:, 1], time_step) == pytest.approx(
@@ -286,7 +286,7 @@ def test_a_block_on_a_rope_swings(time_step):
     world.join(JointKind.ROPE, body, 0, pose(place), JointOptions(high=length),
                pose([0.0, 0.0, 5.0]))
     first = energy(world, [body])
-    seconds = 12.0 if time_step > 0.01 else 6.2
+    seconds = 5.4  # two rises through the middle
     told = run(world, seconds, time_step, lambda: world.bodies.poses[body, 0])
     period = 4.0 * np.sqrt(length / G) * ellipk(np.sin(0.5 * angle) ** 2)
     assert periods(told, time_step) == pytest.approx(period, rel=0.01)

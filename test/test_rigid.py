@@ -254,8 +254,8 @@ def test_a_block_rocks_as_housner_has_it(time_step):
 
 @pytest.mark.parametrize('time_step', [1 / 60, 1 / 240])
 def test_dominoes_fall_one_by_one(time_step):
-    """Push the first of forty: all fall, at a speed that hardly depends on the step."""
-    count, height, pitch = 40, 0.24, 0.13
+    """Push the first of 26: all fall, at a speed that hardly depends on the step."""
+    count, height, pitch = 26, 0.24, 0.13
     table, ids, engine = bodies([(pitch * n, 0.0, 0.5 * height) for n in range(count)],
                                 [0.05, 0.12, height], np.full(count, 2.6))
     table.velocities[ids[0]] = [0.4, 0.0, 0.0, 0.0, 4.0, 0.0]
@@ -267,12 +267,12 @@ def test_dominoes_fall_one_by_one(time_step):
         if np.isfinite(fell).all():
             break
     assert np.isfinite(fell).all()
-    speed = 20 * pitch / (fell[30] - fell[10])
+    speed = 12 * pitch / (fell[22] - fell[10])
     assert speed == pytest.approx(0.825 * np.sqrt(9.81 * height), rel=0.05)
 
 
 def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
-    """Tumble for 20 s in free fall."""
+    """Tumble for 10 s in free fall."""
     table, ids, engine = bodies([(0.0, 0.0, 5.0)], [[0.3, 0.2, 0.05]], [2.6], gravity=np.zeros(3))
     table.velocities[ids[0], 3:] = [0.01, 10.0, 0.0]
     inertia = box_inertia(np.array([2.6]), np.array([[0.3, 0.2, 0.05]]))[0]
@@ -282,8 +282,8 @@ def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
                                table.velocities[ids[0], 3:])
         return np.array([inertia @ spin ** 2, np.linalg.norm(inertia * spin)])
     before = motion()
-    run(engine, 20.0)
-    np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=2e-3)
+    run(engine, 10.0)
+    np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=1e-3)
 
 
 @pytest.mark.parametrize('order', [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
@@ -469,27 +469,26 @@ def test_pairs_that_are_kept_are_those_that_would_be_found():
 @pytest.mark.parametrize('beside', [False, True])
 def test_a_thin_rod_keeps_its_energy_however_it_spins(beside):
     """Spin rods 400 times as long as thick, about all axes; some as they sweep past a brick."""
-    rng = np.random.default_rng(5)
-    for _ in range(10):
+    rng, table, pairs = np.random.default_rng(5), BodyTable(), []
+    table.add_ground(0.6)
+    for n in range(10):
         spin = rng.uniform(-1.0, 1.0, 3) * (300.0 if beside else 5.0)
         spin[2] += rng.uniform(100.0, 800.0)
-        table = BodyTable()
-        table.add_ground(0.6)
-        ids = table.add_bodies(BodyState.AWAKE, [
+        pairs.append(table.add_bodies(BodyState.AWAKE, [
             plain(Shape.BOX, [0.005, 0.006, 2.0], 0.05,
-                  np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0]),
+                  np.array([0.0, 9.0 * n, 5.0, 0.0, 0.0, 0.0, 1.0]),
                   np.concatenate([np.zeros(3), spin])),
-            plain(Shape.BOX, BRICK, 2.6, np.array([0.13, 0.0, 5.0 if beside else 8.0,
-                                                   0.0, 0.0, 0.0, 1.0]))])
-        engine = NativeEngine(np.zeros(3))
-        engine.add(table, np.array([0, *ids]))
-        energy = []
-        for _ in range(61):
-            energy.append(motion_energy(table.mass[ids], table.inertia[ids], table.poses[ids, 3:],
-                                        table.velocities[ids]).sum())
-            engine.step(1.0 / 60.0)
-        assert np.diff(energy).max() < 1e-6 * energy[0]
-        assert beside or energy[-1] == pytest.approx(energy[0], rel=1e-6)
+            plain(Shape.BOX, BRICK, 2.6, np.array([0.13, 9.0 * n, 5.0 if beside else 8.0,
+                                                   0.0, 0.0, 0.0, 1.0]))]))
+    ids, energy = np.concatenate(pairs), []
+    engine = NativeEngine(np.zeros(3))
+    engine.add(table, np.array([0, *ids]))
+    for _ in range(61):
+        energy.append(motion_energy(table.mass[ids], table.inertia[ids], table.poses[ids, 3:],
+                                    table.velocities[ids]).reshape(10, 2).sum(axis=1))
+        engine.step(1.0 / 60.0)
+    assert (np.diff(energy, axis=0) < 1e-6 * energy[0]).all()
+    assert beside or energy[-1] == pytest.approx(energy[0], rel=1e-6)
 
 
 def test_what_is_driven_fast_pushes_all_along_a_step():

@@ -145,9 +145,9 @@ def test_frequency_is_that_of_the_spring(frequency: float, tolerance: float, mea
 @pytest.mark.parametrize('frequency', [0.3, 1.0, 2.0])
 @pytest.mark.parametrize('segments', [1, 10])
 def test_undamped_sway_goes_on(frequency: float, segments: int):
-    """Expect 90 % of the energy after a minute, of one joint and of a whole pole, with weight."""
+    """Expect 95 % of the energy after 30 s, of one joint and of a whole pole, with weight."""
     if segments == 1:
-        energy = _sway(_pole(frequency, 0.0), 60.0)[:, 1]
+        energy = _sway(_pole(frequency, 0.0), 30.0)[:, 1]
     else:
         scale = (2.0 * np.pi * frequency / _OMEGA) ** 2
         forest = Forest(beam(segments, damping_ratio=0.0, modulus=8e9 * scale),
@@ -155,10 +155,10 @@ def test_undamped_sway_goes_on(frequency: float, segments: int):
         height = forest.poses[:, 2] / LENGTH
         forest.velocities[:, 0] = 1.5 * frequency * height ** 2
         energy = []
-        for _ in range(3600):
+        for _ in range(1800):
             forest.step(1.0 / 60.0)
             energy.append(forest.energy())
-    assert 0.9 * energy[0] < energy[-1] <= energy[0] * (1.0 + 1e-9)
+    assert 0.95 * energy[0] < energy[-1] <= energy[0] * (1.0 + 1e-9)
 
 
 @pytest.mark.report('convergence')
