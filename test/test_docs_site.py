@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""The documentation builds without a warning, every page in the sidebar."""
+"""The documentation builds without a warning; one would be a page that no list names."""
 
 from pathlib import Path
 import subprocess
@@ -26,16 +26,17 @@ _PATIENCE = 600.0  # [s]
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
-    """Find every link's target, every page in a list, and every documented class."""
-    for package in ('sphinx', 'myst_parser', 'sphinx_rtd_theme'):
+    """
+    Find every link's target, every page in a list, and every documented class.
+
+    The theme writes the whole sidebar on each page, for a quarter of the time: do without it.
+    """
+    for package in ('sphinx', 'myst_parser'):
         pytest.importorskip(package)
-    run = subprocess.run([sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q',
-                          str(ROOT / 'docs'), str(tmp_path)], timeout=_PATIENCE,
-                         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    run = subprocess.run(
+        [sys.executable, '-m', 'sphinx', '-W', '--keep-going', '-q', '-D', 'html_theme=basic',
+         str(ROOT / 'docs'), str(tmp_path)],
+        timeout=_PATIENCE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert run.returncode == 0, run.stdout
     api = (tmp_path / 'api.html').read_text('utf-8')
     assert 'id="procphys_ros.simulation.Simulation.apply_impulse"' in api and '[N·s]' in api
-    front = (tmp_path / 'index.html').read_text('utf-8')
-    for page in (*ROOT.glob('docs/*.md'), *ROOT.glob('docs/decisions/*.md')):
-        link = page.relative_to(ROOT / 'docs').with_suffix('.html')
-        assert page.name in ('README.md', 'index.md') or f'href="{link}"' in front, page.name
