@@ -14,6 +14,7 @@
 
 """MJCF, read by MuJoCo: the same poses, masses, springs, sag and frequency."""
 
+from functools import cache
 from pathlib import Path
 
 from exported import bent_in_wind, grown, scene_of, small_wall, written
@@ -89,23 +90,23 @@ def test_bent_trees_return_to_their_shape(tmp_path):
     assert np.abs(data.xpos[bodies(model, content)] - rest).max() < 0.05 * away
 
 
-def sag(scene: Scene, part: int, force: float) -> tuple[np.ndarray, Simulation]:
-    """Pull at a part until everything rests; return its way [m] (3,)."""
+@cache
+def pulled(kind: str) -> tuple[Scene, int, Simulation]:
+    """Pull at the tip of something until everything rests; return its scene, and the tip."""
+    scene = scene_of(tree=beam(damping_ratio=0.02) if kind == 'beam' else grown(kind))
+    tip = int(np.argmax(scene.blueprint.poses[:, 2]))
     simulation = Simulation(scene)
     simulation.set_wind_enabled(False)
-    start = simulation.poses[part, :3].copy()
-    simulation.apply_wrench(part, (force, 0.0, 0.0))
+    simulation.apply_wrench(tip, (_FORCE, 0.0, 0.0))
     simulation.step(1800)
-    return simulation.poses[part, :3] - start, simulation
+    return scene, tip, simulation
 
 
 @pytest.mark.parametrize('kind', ['beam', 'pine.lsys'])
 def test_static_sag_agrees(kind, tmp_path):
     """Expect the same deflection under a force as from our kernel."""
-    blueprint = beam(damping_ratio=0.3) if kind == 'beam' else grown(kind)
-    scene = scene_of(tree=blueprint)
-    tip = int(np.argmax(blueprint.poses[:, 2]))
-    ours, _ = sag(scene, tip, _FORCE)
+    scene, tip, simulation = pulled(kind)
+    ours = simulation.poses[tip, :3] - scene.blueprint.poses[tip, :3]
     path, content = written(scene, tmp_path / 'tree.xml')
     model, data = load(path)
     model.dof_damping *= 10.0
@@ -121,9 +122,8 @@ def test_static_sag_agrees(kind, tmp_path):
 @pytest.mark.parametrize('kind', ['beam', 'pine.lsys'])
 def test_first_frequency_agrees(kind, tmp_path):
     """Swing back as fast as our kernel does, let go from the same bend."""
-    blueprint = beam(damping_ratio=0.02) if kind == 'beam' else grown(kind)
-    tip = int(np.argmax(blueprint.poses[:, 2]))
-    _, simulation = sag(scene_of(tree=blueprint), tip, _FORCE)
+    _, tip, rests = pulled(kind)
+    simulation = rests.fork()
     simulation.clear_wrenches()
     path, content = written(simulation, tmp_path / 'tree.xml')
     rest = content.blueprint.poses[tip, 0]

@@ -13,10 +13,9 @@
 # limitations under the License.
 
 
-"""No ordinary grammar fails: 600 random trees and walls, in wind, struck and shot at."""
+"""No ordinary grammar fails: 400 random trees and walls, in wind, struck and shot at."""
 
 from collections.abc import Iterator
-from itertools import cycle
 
 from building_checks import count_loose, deepest_overlap, OVERLAP
 from energy_ledger import EnergyLedger
@@ -36,7 +35,7 @@ from procphys_ros.wallgrammar import WallGrammar
 _TREES, _WALLS = 196, 4  # of one scene
 
 
-@pytest.mark.parametrize('seed, engine', list(zip(range(1, 4), cycle(('auto', 'native')))))
+@pytest.mark.parametrize('seed, engine', [(2, 'native'), (3, 'auto')])
 def test_random_grammars_neither_fail_nor_make_energy(seed, engine):
     """Simulate 60 steps of 200 grammars side by side: all finite, no energy from nothing."""
     found = list(faults(*draw(seed, _TREES, _WALLS), engine=engine))

@@ -132,14 +132,20 @@ def seen(markers, shown: dict) -> None:
             shown[key] = (place.x, place.y, place.z, len(marker.points))
 
 
+@pytest.fixture(scope='module')
+def markers(run) -> list:
+    """Decode the markers of the run once."""
+    return decoded(run[0], '/sim/markers')
+
+
 @pytest.mark.parametrize('moment', [0.0, 0.4, 1.0, 1.33, 2.5])
-def test_any_moment_can_be_opened(run, moment):
+def test_any_moment_can_be_opened(run, markers, moment):
     """Show at a moment what a viewer shows that has watched from the start."""
     path, frames, simulation = run
     types = typesys.get_typestore(typesys.Stores.ROS2_JAZZY)
     watched, opened = {}, {}
     limit = round((moment + 1e-4) * 1e9)
-    for message in decoded(path, '/sim/markers'):
+    for message in markers:
         if message.log_time_ns < limit:
             seen(message.ros_msg.markers, watched)
     recording = Recording(path)
