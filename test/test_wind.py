@@ -115,10 +115,10 @@ def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):
     :param slant: how far the places move across the wind and up per way of the wind.
     """
     rate = 5.0
-    far = near + distance * np.eye(3)[axis]
+    both = np.concatenate([near, near + distance * np.eye(3)[axis]])
     times = np.arange(0.0, 400.0, 1.0 / rate)
-    a, b = (np.array([wind.velocity(points + SPEED * t * np.array([0.0, *slant]), t)[:, 0]
-                      for t in times]) - SPEED for points in (near, far))
+    a, b = np.split(np.array([wind.velocity(both + SPEED * t * np.array([0.0, *slant]), t)[:, 0]
+                              for t in times]) - SPEED, 2, axis=1)
     frequency, cross = signal.csd(a, b, rate, nperseg=250, axis=0)
     power = [signal.welch(x, rate, nperseg=250, axis=0)[1].mean(axis=1) for x in (a, b)]
     found = cross.mean(axis=1).real / np.sqrt(power[0] * power[1])

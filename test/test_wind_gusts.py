@@ -69,8 +69,8 @@ def test_gust_without_rise_is_one_minus_cosine(steady):
 def _arrivals(wind, direction, distances, times):
     """Find when the wind along a direction peaks at distances from the origin along it."""
     direction = np.array(direction)
-    return np.array([times[np.argmax(_history(wind, d * direction + [0.0, 0.0, 3.0], times)
-                                     @ direction)] for d in distances])
+    places = distances[:, None] * direction + [0.0, 0.0, 3.0]
+    return times[np.argmax([wind.velocity(places, t) @ direction for t in times], axis=0)]
 
 
 @pytest.mark.parametrize(('kind', 'direction', 'speed'), [
