@@ -44,10 +44,14 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
 
 
-def pytest_collection_finish():
-    """Spare modules, which are there to the end, from every search for garbage."""
+@pytest.hookimpl(hookwrapper=True)
+def pytest_collection():
+    """Look for no garbage while modules are read, nor later in them: they are there to the end."""
+    gc.disable()
+    yield
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

@@ -294,18 +294,6 @@ def test_what_spins_keeps_what_a_blow_gave_it_early_in_a_step(engine):
         assert speed[0] > 12.0 and speed @ [0.1, 5.0] == pytest.approx(8.0 * 5.0, rel=2e-3)
 
 
-def test_same_calls_give_identical_poses(engine):
-    """Run the same collisions twice."""
-    ends = []
-    for _ in range(2):
-        with World(engine=engine) as world:
-            ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.03 * i, 0, 0.1 + 0.1 * i))
-                   for i in range(12)]
-            run(world, 90)
-            ends.append(world.poses(ids))
-    np.testing.assert_array_equal(*ends)
-
-
 def test_a_scene_may_choose_its_engine(engine):
     """Name the engine in a scene or for a simulation; refuse others in one line."""
     with pytest.raises(SceneError, match="is 'jolt', it must be one of auto, bullet, native"):
