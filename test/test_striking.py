@@ -32,7 +32,6 @@ from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, fragments, impacts, masonry, Simulation
 from procphys_ros.skeleton import from_nodes
 
-DT = 1.0 / 60.0
 GRAVITY = 9.81
 
 
