@@ -228,7 +228,7 @@ def test_charges_bring_a_small_block_down_on_its_own_plan():
 
 def test_charges_bring_the_whole_block_down(shipped):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(shipped('implosion'), 3.1)  # a height of 0.57, 0.97 inside
+    simulation = run(shipped('implosion'), 3.5)  # a height of 0.49, 0.98 inside
     height, inside = heap(simulation)
     assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
@@ -256,7 +256,7 @@ def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
     figures = {'fallen': lambda simulation: min(falls(simulation)[:2]), 'ends': ends,
                'third': lambda simulation: falls(simulation)[2]}
     # PyBullet lets a plate of 7 kg under a stone in by 34 mm in one of 24 runs.
-    found = Envelope(lambda rng: nudge(scene, rng), 1.1, figures, runs=3, sunk=-0.04)
-    found.bound('fallen', 0.9)  # [m] 1.5 to 1.6
+    found = Envelope(lambda rng: nudge(scene, rng), 1.4, figures, runs=3, sunk=-0.04)
+    found.bound('fallen', 0.9)  # [m] 1.2 to 1.7
     found.bound('third', -0.01, 0.01)  # [m] 0
     found.bound('ends', high=0.05)  # 0; rubble may push a stone
