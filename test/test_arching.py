@@ -36,7 +36,7 @@ building house
   storey_height: 1.2
   storeys: 2
   floors: {floors}
-layout running {{ unit: 0.215 0.1025 0.14 joint: 0.01 material: brick }}
+layout running {{ unit: 0.215 0.1025 {high} joint: 0.01 material: brick }}
 panel wall: running
 material brick {{ tension: 0.05e6  cohesion: 0.06e6 }}
 """
@@ -92,9 +92,9 @@ def test_cement_mortar_carries_what_lime_does_not():
         assert cut(middle, width, 2.0, tension=0.4e6, cohesion=0.5e6)[2].all()
 
 
-def house_without(floors, gone, steps=400):
+def house_without(floors, gone, steps=400, high=0.065):
     """Take bricks of the ground floor out of a house; return x of the upper ones, which stay."""
-    blueprint = WallGrammar.parse(_HOUSE.format(floors=floors)).build()
+    blueprint = WallGrammar.parse(_HOUSE.format(floors=floors, high=high)).build()
     simulation = standing(blueprint)
     places = blueprint.poses
     bricks = blueprint.kind == blueprint.kinds.index('brick')
@@ -114,7 +114,7 @@ def test_a_house_bridges_a_hole_in_its_ground_floor(floors):
 
 def test_collapse_runs_through_a_house_with_slabs():
     """Take half of the ground floor: the slab tips and brings down what stood on whole walls."""
-    x, stays = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 110)
+    x, stays = house_without('slab(0.15)', lambda p: p[:, 0] > 2.0, 80)
     assert stays[x > 2.0].mean() < 0.1 and stays[x < 2.0].mean() < 0.5
 
 
@@ -122,9 +122,10 @@ def test_collapse_stops_where_floors_do_not_tie():
     """
     Take half of the ground floor: what stood on it falls, the rest stays up.
 
-    It falls piece by piece within 3 s: cracked joints hold some of it up for a while.
+    It falls piece by piece within 3 s: cracked joints hold some of it up for a while. Bricks are
+    twice as high as elsewhere, and half as many.
     """
-    x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 180)
-    assert stays[x > 2.0].mean() < 0.1  # 0.00 in nudged runs
-    assert stays[x < 2.0].mean() > 0.7  # 0.83 to 0.85
-    assert stays[x < 0.5].mean() > 0.9  # 0.99
+    x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 180, 0.14)
+    assert stays[x > 2.0].mean() < 0.1  # 0.00 in seven nudged runs
+    assert stays[x < 2.0].mean() > 0.7  # 0.79 to 0.85
+    assert stays[x < 0.5].mean() > 0.9  # 0.95 to 0.99
