@@ -238,4 +238,15 @@ def test_dry_walls_that_slide_over_a_hole_come_to_rest():
         cracking.advance(15000)
         assert cracking.stable
         spent.append(solver.spent - before)
-    assert max(spent) < 1200 and np.mean(spent) < 700  # most and mean of iterations
+    assert max(spent) < 1800 and np.mean(spent) < 800  # iterations
+
+
+@pytest.mark.parametrize('friction', [0.8, 1.5, 5.0])
+def test_friction_makes_dry_piers_no_weaker(friction):
+    """Push a slender pier of bricks along its face by 0.58 of its weight: 0.8 is enough."""
+    cracking = start(wall(4, 14, tension=0.0, cohesion=0.0, friction=friction))
+    assert stands(cracking)
+    force = np.zeros((cracking.solver.graph.count, 3))
+    force[:, 0] = 0.58 * G * cracking.solver.graph.mass[:len(force)]
+    cracking.solver.set_loads(force)
+    assert stands(cracking)

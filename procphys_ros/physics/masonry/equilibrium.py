@@ -139,9 +139,9 @@ class Equilibrium:
         self.joints.stick(bonds[(mortar.tension[bonds] == 0.0) & (mortar.cohesion[bonds] == 0.0)])
         self.linearise(bonds)
 
-    def linearise(self, rows: np.ndarray, renew: bool = True) -> None:
+    def linearise(self, rows: np.ndarray, renew: bool = True) -> float:
         """Update the tangents of cracked joints to the displacements, see `CrackedJoints`."""
-        self.joints.linearise(rows, self.displacement, self.residual, renew)
+        return self.joints.linearise(rows, self.displacement, self.residual, renew)
 
     def fade_sudden(self, share: float) -> np.ndarray:
         """

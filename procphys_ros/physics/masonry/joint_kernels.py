@@ -25,6 +25,9 @@ _TWIST = 0.27   # radius of friction against twist over the diagonal of the patc
 _TURNED = 0.5   # cosine between the directions of friction before and after an overshooting step
 SHARE = 1e-3    # of the whole stiffness: initial tangent stiffness of open joints
 SOFTER = 0.1    # factor on a share after a well-predicted step
+# Factors on the pace of a bound that turns back, and of one that goes on: cycles of a turn and up
+# to three steps on do not last.
+_BACK, _ON = 0.5, 1.25
 
 
 @kernel(inline='always')
@@ -291,6 +294,32 @@ def _steady(m, friction, radius, way, secant):
 
 
 @kernel
+def _follow(m, target, bound, pace):
+    """
+    Let the bound of friction of a joint follow the pressure.
+
+    Joints that press the less the more they rub would jump from one pressure to another for ever:
+    a bound that turns back goes ever smaller shares of the way (as each weight in resilient
+    backpropagation: Riedmiller & Braun 1993, IEEE Int. Conf. Neural Networks).
+
+    :param target: bound at the present pressure [N].
+    """
+    change, share = target - bound[m], abs(pace[m])
+    share = _BACK * share if change * pace[m] < 0.0 else min(_ON * share, 1.0)
+    bound[m] += share * change
+    pace[m] = np.copysign(share, change)
+
+
+@kernel
+def _lag(friction, radius, bound, target):
+    """Return how far friction is from that with the bound at the present pressure [N]."""
+    elastic = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
+    if friction[3] < 1.0:
+        elastic = bound / friction[3] if bound > 0.0 else np.inf
+    return abs(min(elastic, bound) - min(elastic, target))
+
+
+@kernel
 def _tie(m, first, second, centroid, centre, axes, middle, links):
     """Write the arms from the parts to the centroid of the pressed part."""
     for c in range(3):
@@ -301,7 +330,7 @@ def _tie(m, first, second, centroid, centre, axes, middle, links):
 
 @kernel(nogil=True)
 def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear, friction, slip,
-              middle, place, bound, trend, bias, links, coupling, grip, q, residual, shares, way,
+              middle, place, bound, pace, bias, links, coupling, grip, q, residual, shares, way,
               secant, renew):
     """
     Linearise joints about the displacements: update tangents, biases and forces.
@@ -312,16 +341,16 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
     :param bias, links, coupling: updated.
     :param residual: receives the difference between old model and true force, (N + 1, 6).
     :param shares: least share of the whole stiffness in tangents, (M,).
-    :param trend: last change of the bound, updated [N], (M,).
+    :param pace: share of a change that the bound makes, with the sign of the last change, (M,).
     :param way, secant: see `_steady`; updated after a step, where `renew` is False.
-    :param renew: whether points and bounds of friction follow the pressure. A bound whose change
-        reverses goes half of the way (Krasnoselskii-Mann iteration): joints that press less the
-        more they rub would jump from one pressure to the other for ever.
+    :param renew: whether points and bounds of friction follow the pressure.
+    :returns: largest force by which friction lacks or exceeds that at the present pressure [N].
     """
     d, moments = np.empty((2, 6))
     n, t = np.empty(3), np.empty(4)
     local, world, force, moved = np.empty((4, 6))
     scratch = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    lag = 0.0
     for m in rows:
         _model(m, links, coupling, bias, first, second, q, moved, force)
         _scatter(m, first, second, links[m, 0:3], links[m, 3:6], force, -1.0, residual)
@@ -331,14 +360,13 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
         x, y = _mix(moments, shares[m], extent[m])
         middle[m, 0], middle[m, 1] = x, y
         if renew:
-            change = friction[m] * max(-n[0], 0.0) - bound[m]
-            if change * trend[m] < 0.0:
-                change *= 0.5
-            bound[m] += change
-            trend[m] = change
+            target = friction[m] * max(-n[0], 0.0)
+            _follow(m, target, bound, pace)
             place[m, 0], place[m, 1] = x, y
         _friction(m, d, shear[m], extent, place, bound, slip, t)
-        if not renew:
+        if renew:
+            lag = max(lag, _lag(t, _radius(extent[m]), bound[m], target))
+        else:
             _steady(m, t, _radius(extent[m]), way, secant)
         local[0], local[1], local[2] = t[0], t[1], n[0]
         local[3], local[4] = n[1] - y * n[0], n[2] + x * n[0]
@@ -352,6 +380,7 @@ def linearise(rows, first, second, centroid, centre, axes, extent, normal, shear
         _model(m, links, coupling, bias, first, second, q, moved, force)
         for c in range(6):
             bias[m, c] = world[c] - force[c]
+    return lag
 
 
 @kernel(nogil=True)

@@ -83,7 +83,7 @@ class CrackedJoints:
         self._middle = np.zeros((count, 2))  # centroid of the pressed part, where the link is [m]
         self._place = np.zeros((count, 2))   # friction point: `_middle` at the last pressure [m]
         self._bound = np.zeros(count)        # of friction [N]
-        self._trend = np.zeros(count)        # its last change [N]
+        self._pace = np.ones(count)          # see `joint_kernels._follow`
         self._share = np.full(count, SHARE)
         self._way = np.zeros((count, 3))  # direction of friction after the last step, unit vectors
         self._secant = np.zeros(count)    # share of the secant stiffness along the slide
@@ -93,10 +93,10 @@ class CrackedJoints:
 
     def reset(self) -> None:
         """Reset the state of all joints to uncracked."""
-        for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._trend,
-                      self._way, self._secant):
+        for array in (self._bias, self._slip, self._middle, self._place, self._bound, self._way,
+                      self._secant):
             array[:] = 0.0
-        self._share[:] = SHARE
+        self._share[:], self._pace[:] = SHARE, 1.0
         self._sticks[:] = False
 
     def adopt(self, other: 'CrackedJoints', mine: np.ndarray) -> None:
@@ -105,7 +105,7 @@ class CrackedJoints:
 
         :param mine: rows here of all bonds there, (K,).
         """
-        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_trend', '_share', '_way',
+        for name in ('_bias', '_slip', '_middle', '_place', '_bound', '_pace', '_share', '_way',
                      '_secant', '_sticks'):
             getattr(self, name)[mine] = getattr(other, name)
         cracked = self.graph.cracked[mine]
@@ -118,7 +118,7 @@ class CrackedJoints:
         return graph.first, graph.second, graph.centroid, graph.centre, graph.axes, graph.extent
 
     def linearise(self, rows: np.ndarray, displacement: np.ndarray, residual: np.ndarray,
-                  renew: bool = True) -> None:
+                  renew: bool = True) -> float:
         """
         Update the tangents of joints to the present displacements.
 
@@ -128,18 +128,18 @@ class CrackedJoints:
             [N, N·m], (N + 1, 6).
         :param renew: whether bound and point of friction follow the pressure; while they stay
             fixed, forces have an energy that steps can reduce.
+        :returns: largest force by which friction lags behind the pressure [N].
         """
-        if not len(rows):
-            return  # the kernel takes seconds to compile
-        graph = self.graph
+        graph, lag = self.graph, 0.0
         sticks = self._sticks[rows]
         for some, follows in ((rows[~sticks], renew), (rows[sticks], False)):
             if len(some):
-                joint_kernels.linearise(
+                lag = max(lag, joint_kernels.linearise(
                     some, *self._geometry, self._normal, self._shear, graph.mortar.friction,
-                    self._slip, self._middle, self._place, self._bound, self._trend, self._bias,
+                    self._slip, self._middle, self._place, self._bound, self._pace, self._bias,
                     graph.links, graph.coupling, graph.grip, displacement, residual, self._share,
-                    self._way, self._secant, follows)
+                    self._way, self._secant, follows))
+        return lag
 
     def stick(self, rows: np.ndarray) -> None:
         """Prevent sliding in joints until `release`."""

@@ -285,8 +285,7 @@ class StressSolver:
         while limit > 0 and not self.converged and not self._exhausted:
             if self._balanced:
                 self.equilibrium.joints.release()
-                self.equilibrium.linearise(np.flatnonzero(self.graph.cracked))
-                self._moved(renewed=True)
+                self._renew(np.flatnonzero(self.graph.cracked))
                 continue
             if self.known and self.residual <= target:
                 break
@@ -323,8 +322,7 @@ class StressSolver:
         self._finish()
         self._next_step()
         if not self._step.curved:  # balanced under old friction bounds: update the bounds
-            self.equilibrium.linearise(rows)
-            self._moved(renewed=True)
+            self._renew(rows)
 
     def _finish(self) -> None:
         """Finish a step by line search with the true forces."""
@@ -362,6 +360,14 @@ class StressSolver:
         if self.converged:
             self._patience = self._worked = 0
         return done
+
+    def _renew(self, rows: np.ndarray) -> None:
+        """Let friction follow the pressure, all the way or until parts are out of balance."""
+        lag, self.residual = np.inf, 0.0
+        while lag > self.goal and self.residual <= self.goal:
+            lag = self.equilibrium.linearise(rows)
+            self._moved(renewed=True)
+            self.residual = float(self.equilibrium.residual_sizes().max(initial=0.0))
 
     def _refresh(self) -> None:
         """Rebuild the coarse space."""
