@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.physics.masonry import BondGraph, Fracture, joint_kernels, StressSolver
 from procphys_ros.wallgrammar.arches import Curve, voussoirs
 from procphys_ros.wallgrammar.polygons import moments
 
@@ -250,3 +250,13 @@ def test_friction_makes_dry_piers_no_weaker(friction):
     force[:, 0] = 0.58 * G * cracking.solver.graph.mass[:len(force)]
     cracking.solver.set_loads(force)
     assert stands(cracking)
+
+
+def test_a_bound_of_friction_that_has_long_turned_back_follows_the_pressure_again():
+    """Change the pressure to and fro for ever, then once: the bound is there within 40 steps."""
+    bound, pace = np.zeros(1), np.ones(1)
+    for k in range(5000):
+        joint_kernels._follow(0, float(k % 2), bound, pace)
+    for _ in range(40):
+        joint_kernels._follow(0, 100.0, bound, pace)
+    assert bound[0] == pytest.approx(100.0)

@@ -23,11 +23,11 @@ from procphys_ros.physics.masonry.links import alongside
 _TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
 #                 which slides as a whole, 0.3826 of its side
 _TURNED = 0.5   # cosine between the directions of friction before and after an overshooting step
-SHARE = 1e-3    # of the whole stiffness: initial tangent stiffness of open joints
 SOFTER = 0.1    # factor on a share after a well-predicted step
 # Factors on the pace of a bound that turns back, and of one that goes on: cycles of a turn and up
 # to three steps on do not last.
 _BACK, _ON = 0.5, 1.25
+_LEAST_PACE = 1e-3  # from which 31 steps on lead to the whole: no bound is left behind for good
 
 
 @kernel(inline='always')
@@ -305,7 +305,8 @@ def _follow(m, target, bound, pace):
     :param target: bound at the present pressure [N].
     """
     change, share = target - bound[m], abs(pace[m])
-    share = _BACK * share if change * pace[m] < 0.0 else min(_ON * share, 1.0)
+    share = min((_BACK if change * pace[m] < 0.0 else _ON) * share, 1.0)
+    share = max(share, _LEAST_PACE)
     bound[m] += share * change
     pace[m] = np.copysign(share, change)
 

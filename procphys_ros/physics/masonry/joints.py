@@ -34,8 +34,9 @@ import numpy as np
 
 from procphys_ros.physics.masonry import joint_kernels, links
 from procphys_ros.physics.masonry.graph import BondGraph
-from procphys_ros.physics.masonry.joint_kernels import SHARE, SOFTER
+from procphys_ros.physics.masonry.joint_kernels import SOFTER
 
+SHARE = 1e-3         # of the whole stiffness: initial tangent stiffness of open joints
 _LEAST_SHARE = 1e-7  # of the whole stiffness: least tangent stiffness of open joints
 _SHORT, _LONG = 0.3, 0.9         # reach of badly predicted steps, and of well-predicted ones
 _STIFFEST = 1e4                  # largest factor on the share after the former
