@@ -48,7 +48,7 @@ def lowest_corner(frame, local):
 @pytest.mark.parametrize(('engine', 'courses', 'tolerance'), [
     *(('native', courses, LEVELLED) for courses in (2, 6, 20)),
     *((engine, 6, LEVEL) for engine in installed_engines())])
-@pytest.mark.parametrize('tilt', [0.0, 0.4, 0.5 * np.pi, 2.0, -0.5 * np.pi])
+@pytest.mark.parametrize('tilt', [0.0, 0.4, 1.2, 0.5 * np.pi, 2.0, -0.5 * np.pi])
 def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, engine, courses, tolerance):
     """
     Drop a broken wall on its toothed edge: no corner sinks in, and none is thrown up.
