@@ -27,9 +27,9 @@ from time import perf_counter
 import numpy as np
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.touch import capsule_bounds, overlaps
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.stages import STAGES

@@ -40,13 +40,13 @@ import numpy as np
 from overlap import deepest_overlap, solid_corners
 from scipy.integrate import quad
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
-from procphys_ros.hexahedron import solids
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import solids
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.world import BodyState, installed_engines, rigid_sum, World
 from procphys_ros.physics.world.rolling import ROLLING
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import Simulation

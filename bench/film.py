@@ -25,8 +25,8 @@ from time import process_time
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import chain
+from procphys_ros.geometry import rotation
 from procphys_ros.render import camera
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.picture import Renderer, scene_points

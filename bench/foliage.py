@@ -19,8 +19,8 @@ from time import perf_counter
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import DustCloud, State, stokes_speed
 from procphys_ros.physics.foliage import carried, FallingLeaves, Flutter
 from procphys_ros.physics.wind import Wind, WindSettings

@@ -17,8 +17,7 @@
 
 import numpy as np
 
-from procphys_ros import skeleton
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, skeleton
 
 _SMALLEST, _LARGEST, _MEAN = 12, 94, 44.5  # segments per tree
 _SPACING = 6.0  # [m]

@@ -25,7 +25,7 @@ from time import process_time
 import numpy as np
 
 from procphys_ros import messages
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.simulation import Simulation

@@ -16,9 +16,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
-from procphys_ros.hexahedron import box_corners, faces
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners, faces
 from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import BodyState, World
 

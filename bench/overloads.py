@@ -34,10 +34,10 @@ from procphys_ros.compilation.cache import KernelCache
 from procphys_ros.compilation.overloads import GROUPS, SHIPPED
 from procphys_ros.compilation.signatures import to_text
 from procphys_ros.errors import CommandError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
 from procphys_ros.physics.world import JointKind, World
 from procphys_ros.recording.marker_state import find_markers
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile

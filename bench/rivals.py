@@ -17,8 +17,8 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees.layout import arrange, Rows, STIFFNESS
 
 MOST_JOINTS = 60  # universal joints that PyBullet's state buffers hold per body; more corrupt them

@@ -35,8 +35,8 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.geometry.rotation import rotate
 from procphys_ros.physics.wind import Gust
-from procphys_ros.rotation import rotate
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Simulation

@@ -30,11 +30,11 @@ import sys
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint.skeleton import LEAF_AREAL_DENSITY
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.trees import Forest
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, Simulation
-from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 _GRAMMARS = Path(__file__).resolve().parents[1] / 'grammars'
 _SPECIES = ('oak', 'beech', 'birch', 'willow', 'pine', 'spruce', 'palm', 'shrub', 'hedge')

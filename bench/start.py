@@ -33,7 +33,7 @@ from geometry_msgs.msg import PointStamped, PoseArray
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 
 _PATIENCE = 1200.0  # [s]
 _SWAYING = 20.0  # [s] of watching for stops after the first poses

@@ -22,9 +22,9 @@ from time import perf_counter, process_time, sleep
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Shape
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 from procphys_ros.view.page import Page, RATE

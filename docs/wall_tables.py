@@ -24,7 +24,7 @@ import re
 
 import numpy as np
 
-from procphys_ros.palette import LOOKS
+from procphys_ros.appearance.palette import LOOKS
 from procphys_ros.wallgrammar.materials import DEFAULTS, NUMBERS
 
 PAGE = Path(__file__).with_name('wall_language.md')

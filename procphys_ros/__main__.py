@@ -17,7 +17,7 @@
 
 import sys
 
-from procphys_ros.program import main
+from procphys_ros.terminal.program import main
 
 if __name__ == '__main__':
     sys.exit(main())

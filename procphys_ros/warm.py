@@ -17,7 +17,7 @@
 
 import sys
 
-from procphys_ros.program import start
+from procphys_ros.terminal.program import start
 
 if __name__ == '__main__':
     sys.exit(start('warm'))

@@ -17,9 +17,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
-from procphys_ros.hexahedron import box_corners, FACES, faces, volumes
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners, FACES, faces, volumes
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import breaking, Cause, Simulation

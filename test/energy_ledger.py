@@ -38,8 +38,8 @@ a simulation shows to everybody (poses, velocities, air):
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Law, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import AIR_DENSITY, CYLINDER_DRAG, LEAF_DRAG
 from procphys_ros.simulation import Simulation
 

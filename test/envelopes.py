@@ -33,8 +33,8 @@ import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.wind import Gust
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene

@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.export import Content, export
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.sources import load_grammar
 from procphys_ros.simulation import Simulation

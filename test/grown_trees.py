@@ -17,8 +17,7 @@
 
 import numpy as np
 
-from procphys_ros import skeleton
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, skeleton
 from procphys_ros.physics.trees import Forest
 
 LENGTH, RADIUS, DENSITY, MODULUS = 5.0, 0.05, 900.0, 8e9  # of the beam, SI

@@ -18,8 +18,8 @@
 import numpy as np
 import pybullet
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.geometry import rotation
 
 ITERATIONS = 50  # of PyBullet's solver, per step; its own choice is 50
 

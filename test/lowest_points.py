@@ -16,8 +16,8 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import Pieces
 

@@ -20,8 +20,8 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation

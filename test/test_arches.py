@@ -19,11 +19,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import box_corners
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.arches import Curve, voussoirs
 from procphys_ros.wallgrammar.cutting import rectangles

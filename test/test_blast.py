@@ -20,8 +20,8 @@ from numpy.testing import assert_allclose
 import pytest
 from scipy.integrate import trapezoid
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import (
     air_blast,

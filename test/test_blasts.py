@@ -19,13 +19,13 @@ from masonry_walls import bonded, braced, wall, wall_boxes
 import numpy as np
 import pytest
 
+from procphys_ros.blueprint.skeleton import from_nodes
 from procphys_ros.errors import CommandError
 from procphys_ros.physics.loads import air_blast, blast_boxes, blast_capsules, with_joints
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import breaking, Cause, glass, Simulation
-from procphys_ros.skeleton import from_nodes
 from procphys_ros.wallgrammar import WallGrammar
 
 ROOM = """

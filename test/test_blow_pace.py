@@ -18,7 +18,7 @@ from masonry_walls import braced, wall
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings

@@ -17,8 +17,8 @@
 import pytest
 
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import capacity, Scene
 from procphys_ros.simulation import Simulation
 

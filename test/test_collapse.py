@@ -21,8 +21,8 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import chain
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.masonry import FreeBodies
 from procphys_ros.physics.world import installed_engines

@@ -22,8 +22,8 @@ from masonry_walls import bonded
 import numpy as np
 import pytest
 
-from procphys_ros import rotation, skeleton
-from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint import Blueprint, Shape, skeleton
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.touch import meet, meet_ground, overlaps, Partners, resolve
 from procphys_ros.scene import Scene

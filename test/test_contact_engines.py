@@ -20,11 +20,11 @@ from types import ModuleType
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.hexahedron import box_corners
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.physics.world import World
-from procphys_ros.resources import shared_folder
 
 
 @pytest.fixture(scope='module')

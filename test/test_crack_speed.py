@@ -18,7 +18,7 @@ from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import breaking, Cause, masonry, Simulation

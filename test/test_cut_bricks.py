@@ -24,7 +24,7 @@ from test_arches import WALL
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
-from procphys_ros.cut_bricks import first_pieces
+from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.export.content import Content
 from procphys_ros.export.surfaces import surfaces
 from procphys_ros.messages.scene_description import SceneDescription

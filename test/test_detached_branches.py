@@ -18,7 +18,7 @@
 from grown_trees import bush
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene

@@ -25,10 +25,10 @@ import pytest
 
 from procphys_ros.command_line import words as command_words
 from procphys_ros.lsystem import LSystem
-from procphys_ros.program import COMMANDS
 from procphys_ros.scene import Scene
 from procphys_ros.scene.parameter_table import GLOBAL
 from procphys_ros.simulation import Simulation
+from procphys_ros.terminal.program import COMMANDS
 from procphys_ros.wallgrammar import WallGrammar
 
 PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')

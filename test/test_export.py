@@ -23,11 +23,11 @@ import numpy as np
 import pytest
 
 from procphys_ros import export as exporter
-from procphys_ros import output_files
 from procphys_ros.errors import ExportError
 from procphys_ros.export import command, Content, export, export_animation, formats
 from procphys_ros.export.markup import roll_pitch_yaw
-from procphys_ros.rotation import from_axis_angle, multiply
+from procphys_ros.files import output_files
+from procphys_ros.geometry.rotation import from_axis_angle, multiply
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation

@@ -21,8 +21,8 @@ import numpy as np
 from PIL import Image
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.export import images
+from procphys_ros.geometry import rotation
 
 pygltflib = pytest.importorskip('pygltflib')
 trimesh = pytest.importorskip('trimesh')

@@ -20,7 +20,7 @@ import numpy as np
 import pybullet
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 
 _CLOSE = 1e-5  # [m], PyBullet's rounding
 

@@ -21,9 +21,9 @@ from exported import bent_in_wind, grown, scene_of, small_wall, written
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.export import export_animation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.trees.layout import STIFFNESS
 from procphys_ros.scene import Scene

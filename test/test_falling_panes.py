@@ -21,7 +21,7 @@ from masonry_walls import blueprint
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile

@@ -22,8 +22,8 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import CommandError, GrammarError, ProcPhysError, SceneError
-from procphys_ros.file_bounds import FileBounds, within
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.file_bounds import FileBounds, within
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.ros.file_access import bounds_at_start, state_path
 from procphys_ros.ros.state_file import write_state
 from procphys_ros.scene import Scene

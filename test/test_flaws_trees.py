@@ -29,8 +29,8 @@ from jointed_bodies import bond_gaps, JointedBodies
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.trees import Forest
 from procphys_ros.scene import Scene

@@ -30,8 +30,8 @@ import numpy as np
 import pytest
 from scipy.ndimage import distance_transform_edt, label
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.world import BodyState

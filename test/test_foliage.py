@@ -19,9 +19,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.foliage import (

@@ -25,9 +25,9 @@ from rclpy.serialization import deserialize_message
 from visualization_msgs.msg import Marker, MarkerArray
 
 from procphys_ros import messages
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.messages import SceneDescription
 from procphys_ros.messages.ground import ground_of, MOST_HEIGHTS, thinned
-from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.recording.recorder import Recorder
 from procphys_ros.recording.recording import Recording

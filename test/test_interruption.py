@@ -26,15 +26,15 @@ import weakref
 import numpy as np
 import pytest
 
-from procphys_ros import interruption, program
-from procphys_ros.interruption import raising
 from procphys_ros.ros import sim
+from procphys_ros.terminal import interruption, program
+from procphys_ros.terminal.interruption import raising
 
 ROOT = Path(__file__).resolve().parents[1]
 IN_A_KERNEL = """
 import signal, sys, time
 import numpy as np
-from procphys_ros.interruption import raising
+from procphys_ros.terminal.interruption import raising
 from procphys_ros.physics.touch.geometry import meet_ground
 
 def signalled(frame, event, argument):

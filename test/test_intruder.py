@@ -20,9 +20,9 @@ from masonry_walls import bonded, BRICK, wall_boxes
 import numpy as np
 import pytest
 
-from procphys_ros import rotation, skeleton
-from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.touch import overlap_ball, overlap_box
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation

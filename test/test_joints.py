@@ -19,9 +19,9 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.world import BodyState, JointKind, JointOptions, World
 from procphys_ros.physics.world.pieces import single

@@ -21,9 +21,9 @@ from masonry_walls import wall
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.lidar import cast, GROUND, NOTHING, pinhole, spherical
 from procphys_ros.scene import Scene

@@ -17,8 +17,8 @@
 import numpy as np
 import pytest
 
-from procphys_ros import linear, linear_kernels
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry import linear, linear_kernels
 
 _RNG = np.random.default_rng(2)
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.loads import (
     exposed_faces,
     outer_faces,

@@ -19,10 +19,10 @@ import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
-from procphys_ros.palette import look
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.render import joints, mesh, texture

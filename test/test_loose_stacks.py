@@ -18,8 +18,8 @@ from loose_bricks import at, BRICK, BRICK_MASS, DT, G, heap, nudged, rest
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Hexahedra, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, World
 from procphys_ros.physics.world.rolling import ROLLING

@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import GrammarError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
-from procphys_ros.resources import shared_folder
 
 # Lengths of the strings of published systems at n = 0, 1, 2, ... and the final number of F.
 _BUSH = """

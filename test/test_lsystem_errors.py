@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import GrammarError, GrammarWarning, ProcPhysError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
-from procphys_ros.resources import shared_folder
 
 
 @pytest.mark.parametrize('text, line, column, words', [

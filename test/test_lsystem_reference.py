@@ -21,10 +21,10 @@ import re
 import numpy as np
 import pytest
 
+from procphys_ros.appearance.palette import LOOKS
 from procphys_ros.language.arithmetic import FUNCTIONS, RANDOM_FUNCTIONS
 from procphys_ros.lsystem.statements import HEADERS
 from procphys_ros.lsystem.symbols import ATTRIBUTES, LEAF_SIZE, LENGTH, RATE, REACH, STEP, SYMBOLS
-from procphys_ros.palette import LOOKS
 
 _TEXT = (Path(__file__).resolve().parents[1] / 'docs' / 'lsystem.md').read_text('utf-8')
 

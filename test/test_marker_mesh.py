@@ -19,7 +19,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from procphys_ros.resources import PACKAGE, shared_folder
+from procphys_ros.files.resources import PACKAGE, shared_folder
 from procphys_ros.scene.parameter_table import GLOBAL
 
 _SPACE = '{http://www.collada.org/2005/11/COLLADASchema}'

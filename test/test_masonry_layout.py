@@ -18,9 +18,9 @@ from building_checks import count_loose, deepest_overlap
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import GrammarError
+from procphys_ros.geometry import rotation
 from procphys_ros.wallgrammar import WallGrammar
 
 _LENGTH, _WIDTH, _HEIGHT, _JOINT = 0.215, 0.1025, 0.065, 0.010

@@ -20,8 +20,8 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
-from procphys_ros import rotation, skeleton
-from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint import Blueprint, Shape, skeleton
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.world import rigid_sum
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile

@@ -27,9 +27,9 @@ from sensor_msgs.msg import PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from procphys_ros import messages
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
-from procphys_ros.palette import look
-from procphys_ros.rotation import compose, rotate
+from procphys_ros.geometry.rotation import compose, rotate
 
 AT = (12, 345_678_900)
 FRAMES = ['', 'w', 'ma', 'map', 'odom', 'world', 'a/very/long/frame_id', 'wörld']

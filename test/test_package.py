@@ -25,8 +25,8 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from procphys_ros import __version__
-from procphys_ros.program import COMMANDS
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.terminal.program import COMMANDS
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / 'procphys_ros'
@@ -36,22 +36,16 @@ SOURCES = [*MODULES, *sorted((ROOT / 'test').glob('*.py')), *sorted((ROOT / 'ben
 
 # A module may import from its own layer's package and from layers with a smaller number.
 LAYERS = {
-    'errors': 0, 'resources': 0, 'palette': 0, 'progress': 0, '': 0,
-    'progress_bar': 0, 'whole_files': 0, 'argument_parser': 0,
-    'output_files': 0, 'interruption': 0, 'file_bounds': 0,
-    'compilation': 1, 'schema': 1, 'warning_lines': 1, 'linear_kernels': 1.2, 'linear': 1.4,
-    'elementary': 1.2, 'rotation': 1.6, 'rotation_kernels': 2, 'blueprint': 2,
-    'physics.terrain': 2, 'physics.causes': 2, 'paving': 1.6,
-    'program': 0, '__main__': 1,
-    'hexahedron': 2, 'torn_wood': 3, 'cut_bricks': 3, 'skeleton': 3, 'physics.air': 1,
-    'physics.fracture_energy': 3, 'physics.kinetic': 3, 'physics.impact': 3, 'physics.skyline': 3,
-    'language': 3, 'lsystem': 4, 'wallgrammar': 4,
+    '': 0, 'errors': 0, 'progress': 0, 'files': 0, 'terminal': 0.5,
+    'compilation': 1, 'schema': 1, 'warm': 1, '__main__': 1, 'physics.air': 1,
+    'elementary': 1.2, 'geometry': 1.4, 'blueprint': 2, 'physics.terrain': 2, 'physics.causes': 2,
+    'appearance': 3, 'language': 3, 'physics.fracture_energy': 3, 'physics.kinetic': 3,
+    'physics.impact': 3, 'physics.skyline': 3, 'lsystem': 4, 'wallgrammar': 4,
     'physics': 4, 'physics.wind': 4, 'physics.trees': 4, 'physics.masonry': 4,
     'physics.loads': 4, 'physics.dust': 4, 'physics.foliage': 4, 'physics.touch': 4,
-    'physics.rigid': 4,
-    'physics.lidar': 4,
+    'physics.rigid': 4, 'physics.lidar': 4,
     'physics.world': 5, 'scene': 6, 'simulation': 7,
-    'messages': 8, 'warm': 1, 'command_line': 8, 'render': 9, 'export': 10, 'recording': 10,
+    'messages': 8, 'command_line': 8, 'render': 9, 'export': 10, 'recording': 10,
     'view': 10, 'ros': 11, 'batch': 12, 'examples': 13,
 }
 # Who may know a library that the rest of the house must not depend on.

@@ -25,9 +25,10 @@ from types import ModuleType
 
 import pytest
 
-from procphys_ros import __version__, program
+from procphys_ros import __version__
 from procphys_ros.compilation import warming
 from procphys_ros.ros import view
+from procphys_ros.terminal import program
 
 ROOT = Path(__file__).resolve().parents[1]
 HALF_LOADED = """
@@ -52,8 +53,8 @@ def main(words):
 def test_ctrl_c_ends_a_command_that_loads(tmp_path):
     """Interrupt a module that swallows exceptions, as numpy does, while it is imported."""
     (tmp_path / 'half_loaded.py').write_text(HALF_LOADED, 'utf-8')
-    code = ('from procphys_ros import program; program.COMMANDS["render"] = "half_loaded"; '
-            'raise SystemExit(program.main(["render", "--help"]))')
+    code = ('from procphys_ros.terminal import program; program.COMMANDS["render"] = '
+            '"half_loaded"; raise SystemExit(program.main(["render", "--help"]))')
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # nohup ignores it
     try:
         done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, text=True,
@@ -112,7 +113,7 @@ def test_ctrl_c_ends_view_while_it_builds(monkeypatch, capsys):
 def test_after_ctrl_c_nothing_holds_up_the_end(tmp_path):
     """End without what Python does at its exit, which takes seconds with all kernels loaded."""
     (tmp_path / 'running.py').write_text(RUNNING, 'utf-8')
-    code = ('from procphys_ros import program; program.COMMANDS["render"] = "running"; '
+    code = ('from procphys_ros.terminal import program; program.COMMANDS["render"] = "running"; '
             'raise SystemExit(program.main(["render", "--help"]))')
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
@@ -127,7 +128,7 @@ def test_after_ctrl_c_nothing_holds_up_the_end(tmp_path):
 def test_a_reader_that_has_had_enough_ends_a_command(tmp_path):
     """Close the pipe that a command writes to, as `head` does."""
     (tmp_path / 'talking.py').write_text('def main(words):\n    print(100_000 * "x")\n', 'utf-8')
-    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+    code = ('from procphys_ros.terminal import program; program.COMMANDS["render"] = "talking"; '
             'raise SystemExit(program.main(["render"]))')
     with subprocess.Popen([sys.executable, '-c', code], cwd=tmp_path, stdout=subprocess.PIPE,
                           stderr=subprocess.PIPE,
@@ -140,7 +141,7 @@ def test_a_reader_that_has_had_enough_ends_a_command(tmp_path):
 def test_an_output_that_is_full_is_told_in_one_line(tmp_path, unbuffered):
     """Print onto a device that is always full: no traceback, and no second complaint at exit."""
     (tmp_path / 'talking.py').write_text('def main(words):\n    print("x")\n', 'utf-8')
-    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+    code = ('from procphys_ros.terminal import program; program.COMMANDS["render"] = "talking"; '
             'raise SystemExit(program.main(["render"]))')
     with open('/dev/full', 'w', encoding='utf-8') as full:
         done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, stdout=full, text=True,
@@ -154,7 +155,7 @@ def test_a_closed_output_ends_no_command(tmp_path):
     """Do what is asked for although nothing can be said, as after `>&-`."""
     (tmp_path / 'talking.py').write_text('def main(words):\n    print("x")\n    return 0\n',
                                          'utf-8')
-    code = ('from procphys_ros import program; program.COMMANDS["render"] = "talking"; '
+    code = ('from procphys_ros.terminal import program; program.COMMANDS["render"] = "talking"; '
             'raise SystemExit(program.main(["render"]))')
     done = subprocess.run(['sh', '-c', f'exec "$0" -c \'{code}\' >&-', sys.executable],
                           cwd=tmp_path, stderr=subprocess.PIPE,
@@ -196,7 +197,7 @@ def test_every_command_is_started_so():
     """Find each in the scripts for ros2 run and in the entry points."""
     setup = (ROOT / 'setup.py').read_text('utf-8')
     for name in program.COMMANDS.keys() - {'warm'}:
-        assert f"'{name} = procphys_ros.program:{name}'" in setup
+        assert f"'{name} = procphys_ros.terminal.program:{name}'" in setup
         assert getattr(program, name).args == (name,)
         script = (ROOT / 'scripts' / name).read_text('utf-8')
         assert script.count(f'-P -m procphys_ros {name} "$@"') == 2

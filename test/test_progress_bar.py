@@ -20,8 +20,8 @@ import os
 
 import pytest
 
-from procphys_ros import progress_bar
-from procphys_ros.progress_bar import draw_over, ProgressBar
+from procphys_ros.terminal import progress_bar
+from procphys_ros.terminal.progress_bar import draw_over, ProgressBar
 
 
 class Terminal(io.StringIO):

@@ -31,6 +31,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import RecordingError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import pose_array
 from procphys_ros.recording import library, writer
@@ -39,7 +40,6 @@ from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recorder import Recorder
 from procphys_ros.recording.recording import Recording
 from procphys_ros.recording.writer import McapWriter, RESERVE
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 

@@ -24,10 +24,10 @@ import numpy as np
 from PIL import Image
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import look, LOOKS, rgba
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
-from procphys_ros.palette import look, LOOKS, rgba
 from procphys_ros.render import (
     backend,
     camera,

@@ -17,8 +17,8 @@
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import free_spins, motion_energy
 from procphys_ros.physics.world import World
 from procphys_ros.simulation.returned_impulses import Begun, give_back

@@ -21,8 +21,8 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.rigid.contacts import find, join_key, no_contacts, split_key
 from procphys_ros.physics.rigid.islands import upwards

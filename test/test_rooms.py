@@ -18,7 +18,7 @@
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.loads import find_room, gas_impulse, peak_pressure, Sight
 
 AMBIENT = 101_325.0

@@ -25,7 +25,7 @@ from envelopes import down, Envelope, nudge, Watch
 import numpy as np
 import pytest
 
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation import Cause, Simulation

@@ -22,9 +22,9 @@ import pytest
 
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
 from procphys_ros.export import export, export_animation
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
 from procphys_ros.recording.recorder import Recorder
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, Simulation

@@ -43,7 +43,7 @@ from interface_stand_ins import (
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer

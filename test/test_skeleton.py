@@ -20,9 +20,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from procphys_ros import rotation, skeleton
-from procphys_ros.blueprint import Leaves
+from procphys_ros.blueprint import Leaves, skeleton
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 
 
 def _fork() -> dict:

@@ -22,7 +22,7 @@ import sys
 import pytest
 
 from procphys_ros.errors import GrammarError, nearest_names, ProcPhysError, SceneError
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.sources import load_grammar, parse_grammar
 

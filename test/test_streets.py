@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import SceneError
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.plan import read_plan
 from procphys_ros.simulation.load_checks import check_places

@@ -21,8 +21,8 @@ import pytest
 from scipy.sparse import csc_matrix
 from scipy.sparse.linalg import spsolve
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import BondGraph, StressSolver
 
 G = 9.81  # [m/s²]

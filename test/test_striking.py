@@ -20,9 +20,10 @@ from masonry_walls import blueprint, bonded, BRICK, resistance_of, wall, wall_bo
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
+from procphys_ros.blueprint.skeleton import from_nodes
 from procphys_ros.errors import CommandError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.wind import WindSettings
 from procphys_ros.physics.world import BodyState, Contacts, installed_engines, World
@@ -30,7 +31,6 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, fragments, impacts, masonry, Simulation
-from procphys_ros.skeleton import from_nodes
 
 GRAVITY = 9.81
 

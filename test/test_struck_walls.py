@@ -19,9 +19,9 @@ from masonry_walls import bonded, BRICK, JOINT, resistance_of, wall_boxes
 import numpy as np
 import pytest
 
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.physics.fracture_energy import CRUSHING, SHEARING
 from procphys_ros.physics.impact import contact_time
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.loads import (
     sweep_box_boxes,
     sweep_box_capsules,

@@ -21,10 +21,10 @@ from PIL import Image
 import pytest
 import trimesh
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.export import export
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.lidar import cast, spherical
 from procphys_ros.physics.lidar import GROUND as GROUND_HIT
 from procphys_ros.physics.skyline import keep_out, Skyline

@@ -21,10 +21,8 @@ from grown_trees import beam
 import numpy as np
 import pytest
 
-from procphys_ros import messages, rotation
-from procphys_ros.blueprint import Blueprint, GROUND
-from procphys_ros.recording.marker_state import find_markers
-from procphys_ros.torn_wood import (
+from procphys_ros import messages
+from procphys_ros.appearance.torn_wood import (
     BrokenWood,
     placed,
     root_plate,
@@ -34,6 +32,9 @@ from procphys_ros.torn_wood import (
     TornEnds,
     WoodJoints,
 )
+from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.geometry import rotation
+from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.view.source import Frame, PageContent
 from procphys_ros.view.torn_meshes import TornMeshes
 

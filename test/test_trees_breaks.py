@@ -21,8 +21,7 @@ from grown_trees import beam, bush, LENGTH, RADIUS
 import numpy as np
 import pytest
 
-from procphys_ros import skeleton
-from procphys_ros.blueprint import Blueprint, box_inertia, chain, Law, Mortar, Shape
+from procphys_ros.blueprint import Blueprint, box_inertia, chain, Law, Mortar, Shape, skeleton
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import Forest

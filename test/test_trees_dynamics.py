@@ -22,8 +22,8 @@ from grown_trees import beam, bush, effective_mass
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees import AIR_DENSITY, Forest, pose
 
 _GRAVITY = np.array([0.0, 0.0, -9.81])

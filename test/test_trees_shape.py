@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 from scipy.linalg import eigh
 
-from procphys_ros import skeleton
+from procphys_ros.blueprint import skeleton
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import Forest

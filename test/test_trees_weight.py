@@ -18,12 +18,12 @@ import numpy as np
 import pytest
 from random_grammars import draw
 
+from procphys_ros.blueprint.skeleton import LEAF_AREAL_DENSITY
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import Forest
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 _BRACKET = 'axiom: Strength({}) !(0.1) F(2) &(90) F(1) F(1) F(1) F(1)'
 _STRESS = 0.25 * np.pi * 0.01 * 900 * 9.81 * 4.0 * 2.0 / (np.pi / 32.0 * 0.001)  # [Pa] at its root

@@ -18,11 +18,11 @@
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.lsystem.symbols import ATTRIBUTES
-from procphys_ros.resources import shared_folder
 
 
 def _draw(axiom, more='', **arguments):

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import faces
+from procphys_ros.geometry.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.wallgrammar import WallGrammar
 

@@ -25,8 +25,8 @@ import numpy as np
 import pytest
 from view_scene import DOWN, frame_of, free_port, NORTH, simulation_at_rest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.wind import FASTEST, WindSettings
 from procphys_ros.ros import view

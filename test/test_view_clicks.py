@@ -22,9 +22,9 @@ import numpy as np
 import pytest
 from view_scene import DOWN, frame_of, NORTH, simulation_at_rest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
+from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation import Simulation

@@ -19,7 +19,7 @@ from building_checks import count_loose, deepest_overlap, OVERLAP
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.wallgrammar import WallGrammar
 
 _TEXT = """

@@ -21,7 +21,7 @@ import pytest
 
 from procphys_ros.batch.command import main as batch
 from procphys_ros.export.command import main as export
-from procphys_ros.warning_lines import told_to
+from procphys_ros.terminal.warning_lines import told_to
 
 _SLIP = 'axiom: Width(0.08) Density(700) F(1) W F(1)\n'
 _SCENE = """

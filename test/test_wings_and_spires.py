@@ -21,11 +21,11 @@ import pytest
 from scipy.spatial import cKDTree
 from test_wallgrammar_roofs import open_share
 
-from procphys_ros import rotation
 from procphys_ros.errors import GrammarError
-from procphys_ros.hexahedron import faces
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.resources import shared_folder
 from procphys_ros.wallgrammar import bodies, WallGrammar
 from procphys_ros.wallgrammar.polygons import meet
 

@@ -19,8 +19,8 @@ from lowest_points import lowest
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.world import (
     BodyState,
     expand,

@@ -18,9 +18,9 @@ from loose_bricks import at, BRICK, BRICK_MASS, DT, G, heap
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, rigid_sum, World
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings

@@ -18,8 +18,8 @@ from loose_bricks import at, BRICK, BRICK_MASS, DT, G
 import numpy as np
 import pytest
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.world import (
     BodyState,
     installed_engines,

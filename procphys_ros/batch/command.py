@@ -25,16 +25,16 @@ import signal
 import sys
 from typing import Any
 
-from procphys_ros.argument_parser import count, OneLineParser, positive
 from procphys_ros.batch.sweep import Sweep
 from procphys_ros.batch.table import check_format, Table
 from procphys_ros.batch.workers import dask_cluster, processes, Workers
 from procphys_ros.errors import ProcPhysError
-from procphys_ros.interruption import raising
-from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene.named import scene_file
 from procphys_ros.schema import short
-from procphys_ros.warning_lines import print_warning, told_to
+from procphys_ros.terminal.argument_parser import count, OneLineParser, positive
+from procphys_ros.terminal.interruption import raising
+from procphys_ros.terminal.progress_bar import ProgressBar
+from procphys_ros.terminal.warning_lines import print_warning, told_to
 
 _MOST_TOLD = 20  # failed runs listed for each reason
 _EXAMPLES = """\

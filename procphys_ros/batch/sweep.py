@@ -32,8 +32,8 @@ import yaml
 from procphys_ros import __version__
 from procphys_ros.batch.run import Run
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.linear import norm
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry.linear import norm
 from procphys_ros.scene.data_file import find_data_file
 from procphys_ros.scene.objects import read_objects
 from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT

@@ -19,7 +19,7 @@ import argparse
 from collections.abc import Sequence
 import re
 
-from procphys_ros.argument_parser import (
+from procphys_ros.terminal.argument_parser import (
     count,
     node,
     number,

@@ -20,7 +20,7 @@ from pathlib import Path
 from time import monotonic, sleep
 
 from procphys_ros.compilation.folders import prepare
-from procphys_ros.output_files import lock
+from procphys_ros.files.output_files import lock
 
 _PATIENCE = 120.0  # [s] of waiting for another process: it may have been stopped
 _LOOK = 0.02       # [s] between two looks

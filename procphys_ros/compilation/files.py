@@ -18,7 +18,7 @@
 import hashlib
 from pathlib import Path
 
-from procphys_ros.whole_files import write_whole
+from procphys_ros.files.whole_files import write_whole
 
 _CHECKSUM = 32  # [B] of SHA-256, at the head of each file
 

@@ -28,7 +28,6 @@ import sys
 from time import monotonic
 from typing import TextIO
 
-from procphys_ros.argument_parser import OneLineParser, whole
 from procphys_ros.compilation.overloads import (
     is_complete,
     mark_complete,
@@ -36,8 +35,9 @@ from procphys_ros.compilation.overloads import (
     shipped,
     StaleOverload,
 )
-from procphys_ros.program import INTERRUPTED
-from procphys_ros.progress_bar import ProgressBar
+from procphys_ros.terminal.argument_parser import OneLineParser, whole
+from procphys_ros.terminal.program import INTERRUPTED
+from procphys_ros.terminal.progress_bar import ProgressBar
 
 _LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
 

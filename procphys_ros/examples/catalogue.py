@@ -24,7 +24,7 @@ from typing import Any
 import yaml
 
 from procphys_ros.errors import nearest_names, ProcPhysError
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 
 _NO_PROGRAMS = ('__init__', '__main__', 'catalogue', 'command')  # modules that are not programs
 

@@ -21,10 +21,10 @@ import shutil
 import sys
 from textwrap import fill
 
-from procphys_ros.argument_parser import OneLineParser
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.examples.catalogue import Example, examples, find
 from procphys_ros.ros import view
+from procphys_ros.terminal.argument_parser import OneLineParser
 
 _FAILED = 1  # the parser itself ends with 2
 _WIDEST = 99  # columns

@@ -28,8 +28,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.export.content import Content
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.trees.layout import (
     DAMPING,

@@ -18,11 +18,11 @@ from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from procphys_ros.argument_parser import add_grammar_options, number, OneLineParser
 from procphys_ros.errors import ProcPhysError
-from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.scene.named import open_scene
-from procphys_ros.warning_lines import print_warning, told_to
+from procphys_ros.terminal.argument_parser import add_grammar_options, number, OneLineParser
+from procphys_ros.terminal.progress_bar import ProgressBar
+from procphys_ros.terminal.warning_lines import print_warning, told_to
 
 _FPS = 30.0
 

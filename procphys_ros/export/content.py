@@ -20,9 +20,9 @@ from functools import cached_property
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import Blueprint, GROUND
-from procphys_ros.paving import Paving
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.simulation import Simulation

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from procphys_ros.errors import ExportError
 from procphys_ros.export.content import Content, Report
-from procphys_ros.output_files import obstacle
+from procphys_ros.files.output_files import obstacle
 from procphys_ros.scene import Scene
 from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation

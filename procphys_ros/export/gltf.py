@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance.palette import look
 from procphys_ros.export import images
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.surfaces import Surface, surfaces
-from procphys_ros.output_files import write_beside
-from procphys_ros.palette import look
+from procphys_ros.files.output_files import write_beside
 
 _FLOAT, _UINT, _UBYTE = 5126, 5125, 5121  # component types
 _VERTICES, _INDICES = 34962, 34963        # targets of buffer views

@@ -19,7 +19,7 @@ import zlib
 
 import numpy as np
 
-from procphys_ros.palette import look
+from procphys_ros.appearance.palette import look
 from procphys_ros.render import texture
 
 _OPAQUE = 255

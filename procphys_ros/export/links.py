@@ -20,11 +20,11 @@ from pathlib import Path
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.export.articulation import Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content
-from procphys_ros.hexahedron import write_hulls
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import write_hulls
 
 WORLD = 'world'
 _X, _Y = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])

@@ -20,7 +20,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from procphys_ros.output_files import write_beside
+from procphys_ros.files.output_files import write_beside
 
 _DIGITS = 9  # significant, of every number written: nanometres per metre
 

@@ -19,12 +19,12 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.blueprint import GROUND, Law, Shape
 from procphys_ros.export.articulation import articulate, Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import child, text, write
-from procphys_ros.palette import rgba
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
 _TIME_STEP = 0.002  # [s] longest; MuJoCo's own default

@@ -19,11 +19,11 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
-from procphys_ros.palette import rgba
 from procphys_ros.physics.terrain import Terrain
 
 _VERSION = '1.10'  # of Gazebo Garden and later: joints between a model and the world

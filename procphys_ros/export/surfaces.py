@@ -19,11 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.cut_bricks import first_pieces
+from procphys_ros.appearance.palette import look
+from procphys_ros.appearance.paving import Paving
+from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.export.content import Content
-from procphys_ros.palette import look
-from procphys_ros.paving import Paving
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.render import joints, mesh
 from procphys_ros.render.closers import closers

@@ -19,12 +19,12 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
-from procphys_ros.palette import rgba
+from procphys_ros.geometry import rotation
 
 _HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _UNLIMITED = 1e9  # [N·m], [rad/s]; URDF requires a bound

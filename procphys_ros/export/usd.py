@@ -20,7 +20,7 @@ from pathlib import Path
 import numpy as np
 from pxr import Gf, Sdf
 
-from procphys_ros import rotation
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import GROUND, Law
 from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
@@ -44,7 +44,7 @@ from procphys_ros.export.usd_shapes import (
     Prototypes,
     weigh,
 )
-from procphys_ros.paving import Paving
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
 ROOT = '/World'

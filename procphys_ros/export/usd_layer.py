@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf, Tf, UsdGeom, Vt
 
-from procphys_ros.output_files import write_beside
+from procphys_ros.files.output_files import write_beside
 
 _TYPES = Sdf.ValueTypeNames
 

@@ -20,7 +20,7 @@ import shutil
 import numpy as np
 from pxr import Gf, Sdf
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Shape
 from procphys_ros.export import images
 from procphys_ros.export.content import Content
@@ -34,10 +34,10 @@ from procphys_ros.export.usd_layer import (
     relate,
     vectors,
 )
-from procphys_ros.palette import look
+from procphys_ros.files.whole_files import write_whole
+from procphys_ros.geometry import rotation
 from procphys_ros.render import mesh, texture
 from procphys_ros.render.mesh import Mesh
-from procphys_ros.whole_files import write_whole
 
 _ROUGHNESS = 0.9
 _HOLE = 0.5  # alpha below it is a hole

@@ -20,10 +20,10 @@ import os
 from pathlib import Path
 
 from procphys_ros.errors import GrammarError
-from procphys_ros.file_bounds import outside
+from procphys_ros.files.file_bounds import outside
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import read_text, shorten
-from procphys_ros.resources import shared_folder
 
 _GRAMMARS = ('.lsys', '.wall')
 MOST_INCLUDES = 32  # files that one grammar may include, directly or indirectly

@@ -23,6 +23,7 @@ from typing import NamedTuple
 from lark import Tree
 import numpy as np
 
+from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.errors import GrammarError, nearest_names
 from procphys_ros.language import compile_expression, Expression, Place
 from procphys_ros.lsystem.derivation import Derivation
@@ -33,7 +34,6 @@ from procphys_ros.lsystem.rules import Produced, Production, RuleCompiler
 from procphys_ros.lsystem.statements import RULE_SECTIONS, Statement
 from procphys_ros.lsystem.symbols import arity_message, SYMBOLS
 from procphys_ros.lsystem.syntax import parse_statement
-from procphys_ros.palette import is_known, LOOKS
 
 
 class CompiledGrammar(NamedTuple):

@@ -19,14 +19,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Leaves, Ornaments
+from procphys_ros.blueprint.skeleton import Branches
 from procphys_ros.elementary import cos, sin
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.symbols import ATTRIBUTE_INDEX, ATTRIBUTES
-from procphys_ros.skeleton import Branches
 
 HEAD = 3           # columns of carrier, module and length before the state
 TEXTURE = HEAD + walk.VALUES + ATTRIBUTE_INDEX['Texture']

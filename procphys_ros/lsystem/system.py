@@ -20,8 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from procphys_ros import skeleton
-from procphys_ros.blueprint import Blueprint
+from procphys_ros.blueprint import Blueprint, skeleton
 from procphys_ros.errors import GrammarError
 from procphys_ros.language import (
     check_length,

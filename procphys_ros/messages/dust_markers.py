@@ -19,9 +19,9 @@ from typing import Protocol
 
 import numpy as np
 
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import ListMarker, MarkerType
-from procphys_ros.palette import rgba
 
 NAMESPACE = 'dust'
 _EDGES = 0.1 * 2.0 ** np.arange(1, 7)  # [m] diameters between the markers, 0.2 to 6.4

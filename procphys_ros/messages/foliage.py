@@ -21,9 +21,9 @@ from typing import Protocol
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint, Leaves, Ornaments, Shape
-from procphys_ros.palette import look
+from procphys_ros.geometry import rotation
 
 
 class PlacedObject(Protocol):

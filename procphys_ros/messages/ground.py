@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance.palette import rgba
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import Action, command, ListMarker, marker_array, MarkerType
-from procphys_ros.palette import rgba
-from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 MOST_HEIGHTS = 30_000  # in a message: 0.2 MB of JSON, 4.3 MB of triangles

@@ -26,8 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.rotation import compose
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, PuffRows
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
@@ -42,8 +44,6 @@ from procphys_ros.messages.marker_rows import (
 from procphys_ros.messages.part_markers import PartMarkers
 from procphys_ros.messages.torn_markers import TornMarkers
 from procphys_ros.messages.triangle_lists import TriangleLists
-from procphys_ros.palette import look
-from procphys_ros.rotation import compose
 
 # A part is sent again when it has moved by this much since the last time: [m] in position,
 # [-] in the quaternion (0.01 degrees). Smaller moves are not visible.

@@ -19,14 +19,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.compilation import kernel
-from procphys_ros.cut_bricks import first_pieces
-from procphys_ros.hexahedron import FACES
+from procphys_ros.geometry.hexahedron import FACES
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import PlacedObject
 from procphys_ros.messages.marker_rows import Action, BEFORE, MarkerType, row_layout
-from procphys_ros.palette import look
 
 _HULL = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]]).ravel()  # of a hexahedron
 _DELETE = int(Action.DELETE)

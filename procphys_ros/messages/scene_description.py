@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import Blueprint, Law, Shape
-from procphys_ros.cut_bricks import first_pieces
+from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.messages.foliage import PlacedObject
 from procphys_ros.messages.ground import describe_ground
-from procphys_ros.paving import Paving
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 _DIGITS = 6  # of sizes and masses; micrometres and milligrams are enough

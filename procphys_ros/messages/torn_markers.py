@@ -16,12 +16,12 @@
 
 import numpy as np
 
+from procphys_ros.appearance.palette import look
+from procphys_ros.appearance.torn_wood import End, SOIL, TORN, TornEnds, WoodJoints
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import ListMarker, MarkerType
 from procphys_ros.messages.triangle_lists import place
-from procphys_ros.palette import look
-from procphys_ros.torn_wood import End, SOIL, TORN, TornEnds, WoodJoints
 
 _SEEN = 5e-4  # [m] smaller motion is not sent
 _NONE = np.zeros((0, 3))

@@ -17,7 +17,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.rotation_kernels import matrix_rows
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 
 
 def motion_energy(mass: np.ndarray, inertia: np.ndarray, attitude: np.ndarray,

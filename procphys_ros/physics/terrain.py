@@ -21,7 +21,7 @@ import zlib
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 
 class Terrain(NamedTuple):

@@ -20,7 +20,7 @@ from time import monotonic
 from typing import Self
 
 from procphys_ros.errors import RecordingError
-from procphys_ros.output_files import lock, obstacle
+from procphys_ros.files.output_files import lock, obstacle
 from procphys_ros.recording.definitions import definition
 from procphys_ros.recording.library import load_mcap
 

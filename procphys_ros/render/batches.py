@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.palette import Look
+from procphys_ros.appearance.palette import Look
 from procphys_ros.render import texture
 from procphys_ros.render.program import Programs, set_uniforms
 from procphys_ros.render.unit_meshes import Kind, unit_mesh

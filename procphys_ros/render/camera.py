@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 
 FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame

@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.palette import rgba
-from procphys_ros.paving import Paving
+from procphys_ros.appearance.palette import rgba
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import texture

@@ -24,10 +24,7 @@ import signal
 import sys
 from threading import current_thread, main_thread
 
-from procphys_ros.argument_parser import add_grammar_options, OneLineParser
 from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.interruption import raising
-from procphys_ros.progress_bar import ProgressBar
 from procphys_ros.render.backend import RenderUnavailableError
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.motion import CameraMotion
@@ -36,7 +33,10 @@ from procphys_ros.render.writers import check_output, FILMS, is_series, open_wri
 from procphys_ros.scene import Scene
 from procphys_ros.scene.named import open_scene
 from procphys_ros.scene.scenery import CameraSettings
-from procphys_ros.warning_lines import print_warning, told_to
+from procphys_ros.terminal.argument_parser import add_grammar_options, OneLineParser
+from procphys_ros.terminal.interruption import raising
+from procphys_ros.terminal.progress_bar import ProgressBar
+from procphys_ros.terminal.warning_lines import print_warning, told_to
 
 _MOST_FRAMES = 100_000
 _INTERRUPTED = 130  # exit code after SIGINT

@@ -21,10 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.palette import Look, look
+from procphys_ros.appearance.torn_wood import WoodJoints
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
-from procphys_ros.cut_bricks import first_pieces
-from procphys_ros.palette import Look, look
+from procphys_ros.blueprint.cut_bricks import first_pieces
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import joints, light, texture
 from procphys_ros.render.batches import Batch, Copies
@@ -32,7 +33,6 @@ from procphys_ros.render.camera import View
 from procphys_ros.render.closers import Closers, closers
 from procphys_ros.render.program import Programs
 from procphys_ros.render.unit_meshes import Kind
-from procphys_ros.torn_wood import WoodJoints
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 SINGLE = 22.0  # [px] of length above which leaves are drawn singly

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law
+from procphys_ros.geometry import rotation
 
 _THINNEST, _THICKEST = 0.001, 0.04  # [m] gap between two parts that mortar may fill
 _CRACK = 0.01  # [m] displacement between the parts of a joint that breaks its mortar

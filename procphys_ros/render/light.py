@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros.palette import rgba
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.scene.scenery import SkySettings, SunSettings
 
 SUN = np.array([-0.45, -0.62, 0.64]) / np.linalg.norm([-0.45, -0.62, 0.64])  # towards the sun

@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Shape
-from procphys_ros.hexahedron import faces as faces_of
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import faces as faces_of
 
 _SIDES = 10  # columns of faces around a branch
 # Profile of a branch from pole to pole: height of each ring on its half sphere, and its radius,

@@ -21,10 +21,10 @@ from pathlib import Path
 
 import numpy as np
 
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import SceneError
-from procphys_ros.output_files import obstacle
-from procphys_ros.paving import Paving
+from procphys_ros.files.output_files import obstacle
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.render import camera as cameras

@@ -20,7 +20,7 @@ from functools import cache
 
 import numpy as np
 
-from procphys_ros.hexahedron import FACES
+from procphys_ros.geometry.hexahedron import FACES
 from procphys_ros.render import mesh, texture
 
 _SIDES = 10  # columns of faces around a branch

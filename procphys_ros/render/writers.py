@@ -25,7 +25,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from procphys_ros.errors import SceneError
-from procphys_ros.output_files import obstacle, part_of, write_beside
+from procphys_ros.files.output_files import obstacle, part_of, write_beside
 from procphys_ros.render.backend import RenderUnavailableError
 
 PICTURES = ('.png', '.jpg', '.jpeg')

@@ -24,7 +24,7 @@ import scipy
 from procphys_ros import progress
 from procphys_ros.compilation.progress import COMPILING
 from procphys_ros.errors import CommandError
-from procphys_ros.file_bounds import FileBounds, within
+from procphys_ros.files.file_bounds import FileBounds, within
 from procphys_ros.physics.wind import Wind
 from procphys_ros.ros.activity import Activity
 from procphys_ros.scene import Scene

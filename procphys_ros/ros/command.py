@@ -24,12 +24,12 @@ import signal
 import sys
 from typing import Any
 
-from procphys_ros.argument_parser import split_words
 from procphys_ros.command_line import answers, Description, read, script
 from procphys_ros.command_line.completion import memory, remember
 from procphys_ros.command_line.values import parse, show
 from procphys_ros.errors import CommandError, nearest_names, SceneError
-from procphys_ros.interruption import raising
+from procphys_ros.terminal.argument_parser import split_words
+from procphys_ros.terminal.interruption import raising
 
 _DONE, _REFUSED, _INVALID, _NOT_FOUND = 0, 1, 2, 3
 _SENT = 'sent on ~/{topic}, which gives no answer; "watch" shows rejections'

@@ -19,8 +19,8 @@ from collections import Counter
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError, nearest_names
+from procphys_ros.geometry import rotation
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.parts import Owner
 

@@ -24,15 +24,15 @@ from urllib.parse import parse_qsl, unquote
 
 import numpy as np
 
-from procphys_ros.argument_parser import whole
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.ros.conversions import Act, check_frame, pose
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.simulation.validation import checked_rotation, checked_vector
+from procphys_ros.terminal.argument_parser import whole
 
 FORMATS = ('lsys', 'wall')
 _UPRIGHT = 1e-3  # [-] x or y of a quaternion from which on it is not a turn about the vertical

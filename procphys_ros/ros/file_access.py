@@ -21,8 +21,8 @@ from pathlib import Path
 from typing import Any
 
 from procphys_ros.errors import CommandError
-from procphys_ros.file_bounds import FileBounds, named_by, outside, within
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.file_bounds import FileBounds, named_by, outside, within
+from procphys_ros.files.resources import shared_folder
 
 _TEMPORARY = 'launch_params_'  # prefix of files into which `launch` writes values
 

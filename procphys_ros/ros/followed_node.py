@@ -32,8 +32,9 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
-from procphys_ros import rotation
+from procphys_ros.appearance.torn_wood import BrokenWood
 from procphys_ros.blueprint import Hexahedra, Leaves, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.messages.ground import ground_of
 from procphys_ros.messages.leaves import LEAF, leaves_of
 from procphys_ros.messages.points import BREAK, DUST
@@ -43,7 +44,6 @@ from procphys_ros.physics.dust import Puffs
 from procphys_ros.render.joints import Seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
-from procphys_ros.torn_wood import BrokenWood
 from procphys_ros.view.source import Frame, PageContent, Status
 
 _TURN = 0.05  # [s] between checks for its end

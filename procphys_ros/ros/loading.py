@@ -21,7 +21,7 @@ from time import monotonic
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.file_bounds import within
+from procphys_ros.files.file_bounds import within
 from procphys_ros.ros.building import Builder
 from procphys_ros.ros.commands import Command, CommandQueue, describe
 from procphys_ros.ros.free_memory import return_free_memory

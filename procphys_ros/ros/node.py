@@ -25,8 +25,8 @@ from rclpy.node import Node
 
 from procphys_ros import progress
 from procphys_ros.errors import SceneError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.resources import shared_folder
 from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.activity import LongWork
 from procphys_ros.ros.background_compilation import BackgroundCompilation

@@ -32,7 +32,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.ros.commands import describe, shortened
 from procphys_ros.ros.file_access import bounds_at_start
 from procphys_ros.scene.intruders import INTRUDER

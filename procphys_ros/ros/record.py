@@ -19,8 +19,8 @@ from pathlib import Path
 import signal
 import sys
 
-from procphys_ros.argument_parser import node, OneLineParser, positive, split_words
 from procphys_ros.errors import ProcPhysError
+from procphys_ros.terminal.argument_parser import node, OneLineParser, positive, split_words
 
 _DONE, _FAILED, _NOT_FOUND = 0, 1, 3  # the parser itself ends with 2
 _TIMEOUT = 10.0  # [s]

@@ -19,8 +19,8 @@ from pathlib import Path
 import signal
 import sys
 
-from procphys_ros.argument_parser import number, OneLineParser, positive, split_words
 from procphys_ros.errors import ProcPhysError, RecordingError
+from procphys_ros.terminal.argument_parser import number, OneLineParser, positive, split_words
 
 _DONE, _FAILED = 0, 1  # the parser itself ends with 2
 

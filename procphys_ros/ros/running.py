@@ -30,7 +30,7 @@ from rclpy.signals import uninstall_signal_handlers
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.starting import overruled, start_ros
-from procphys_ros.warning_lines import told_to
+from procphys_ros.terminal.warning_lines import told_to
 
 _SWITCH = 0.001  # [s] after which a computing thread lets another run (Python: 0.005)
 

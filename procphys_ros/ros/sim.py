@@ -24,8 +24,8 @@ import sys
 from typing import Any
 
 from procphys_ros import __version__
-from procphys_ros.argument_parser import split_words
-from procphys_ros.interruption import raising
+from procphys_ros.terminal.argument_parser import split_words
+from procphys_ros.terminal.interruption import raising
 
 _USAGE = """\
 usage: {name} [--help] [--version] [--ros-args ...]

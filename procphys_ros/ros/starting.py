@@ -20,10 +20,10 @@ from typing import Any
 import rclpy
 import yaml
 
-from procphys_ros.argument_parser import split_words
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
 from procphys_ros.schema import short
+from procphys_ros.terminal.argument_parser import split_words
 
 
 def start_ros(args: list[str] | None, **options: Any) -> None:

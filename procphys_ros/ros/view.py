@@ -23,16 +23,16 @@ import sys
 from typing import Any
 import webbrowser
 
-from procphys_ros.argument_parser import (
+from procphys_ros.errors import ProcPhysError
+from procphys_ros.terminal.argument_parser import (
     add_grammar_options,
     node,
     OneLineParser,
     port,
     split_words,
 )
-from procphys_ros.errors import ProcPhysError
+from procphys_ros.terminal.warning_lines import print_warning, told_to
 from procphys_ros.view.page import HOST, Page, PORT
-from procphys_ros.warning_lines import print_warning, told_to
 
 _DONE, _FAILED = 0, 1  # the parser itself ends with 2
 

@@ -26,8 +26,8 @@ from std_msgs.msg import String
 from procphys_ros.command_line.description import Description
 from procphys_ros.command_line.progress import break_line, status_line
 from procphys_ros.messages.points import BREAK
-from procphys_ros.progress_bar import draw_over
 from procphys_ros.ros.remote import Remote
+from procphys_ros.terminal.progress_bar import draw_over
 
 _MOST_BREAKS = 10  # lines for one message; a collapse breaks thousands of bonds at once
 

@@ -18,11 +18,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.errors import SceneError
-from procphys_ros.hexahedron import box_corners, faces
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners, faces
+from procphys_ros.geometry.linear import norm, product
 
 _UPRIGHT = 0.999      # least z of the unit normal of a bearing face
 _REACH = 0.02         # [m] largest gap between a foot and its bearing face

@@ -18,9 +18,9 @@ import os
 from pathlib import Path
 
 from procphys_ros.errors import SceneError
-from procphys_ros.file_bounds import named_by, outside
+from procphys_ros.files.file_bounds import named_by, outside
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.language import shorten
-from procphys_ros.resources import shared_folder
 
 _PACKAGE = 'package://procphys_ros/'
 

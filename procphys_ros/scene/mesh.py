@@ -23,11 +23,11 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
-from procphys_ros.file_bounds import outside
+from procphys_ros.files.file_bounds import outside
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.geometry.linear import product
 from procphys_ros.language import shorten
-from procphys_ros.linear import product
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces
-from procphys_ros.resources import shared_folder
 
 _CELLS = 16  # along the longest edge of a mesh
 _THINNEST = 1e-3  # [m] of a cell

@@ -18,8 +18,8 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.language import shorten
-from procphys_ros.resources import shared_folder
 from procphys_ros.scene.scene import Scene
 from procphys_ros.scene.sources import load_grammar
 

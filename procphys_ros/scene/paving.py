@@ -19,9 +19,9 @@ from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
 
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.errors import SceneError
-from procphys_ros.linear import product
-from procphys_ros.paving import Paving
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.scene.plan import Street
 

@@ -21,11 +21,11 @@ import math
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Law, Mortar, Shape
 from procphys_ros.elementary import atan2, cos, hypot, sin
 from procphys_ros.errors import SceneError
-from procphys_ros.linear import product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.world.merging import merge_boxes
 

@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 import yaml
 
+from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.linear import norm
-from procphys_ros.palette import is_known, LOOKS
+from procphys_ros.geometry.linear import norm
 from procphys_ros.scene.yaml_file import BoundedLoader, parsed
 
 MOST = 2000  # houses, or trees, of one row

@@ -22,13 +22,13 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.elementary import cos, sin
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.file_bounds import named_by
-from procphys_ros.linear import product
-from procphys_ros.paving import Paving
+from procphys_ros.files.file_bounds import named_by
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import product
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity

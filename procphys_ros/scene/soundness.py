@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND, Shape
 from procphys_ros.errors import SceneError
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 _UNIT = 1e-6  # largest deviation of the length of a quaternion from 1
 # Columns of numbers, and which of `_WORDS` they must be.

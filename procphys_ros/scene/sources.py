@@ -21,10 +21,10 @@ from typing import Protocol, TYPE_CHECKING
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
-from procphys_ros.file_bounds import named_by, outside
+from procphys_ros.files.file_bounds import named_by, outside
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
-from procphys_ros.resources import shared_folder
 
 if TYPE_CHECKING:
     from procphys_ros.wallgrammar import WallGrammar

@@ -23,8 +23,8 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.errors import SceneError
-from procphys_ros.linear import product
-from procphys_ros.rotation import from_yaw, to_matrix
+from procphys_ros.geometry.linear import product
+from procphys_ros.geometry.rotation import from_yaw, to_matrix
 from procphys_ros.scene.plan import Row
 
 Build = Callable[[str, int, dict[str, float]], Blueprint]  # a grammar, a seed, defines

@@ -19,9 +19,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.loads import (
     blast_boxes,
     blast_capsules,

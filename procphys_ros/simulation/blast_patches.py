@@ -17,8 +17,8 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry.capacity import fails, joints_of
 from procphys_ros.simulation.masonry import WALL_RATE
 from procphys_ros.simulation.model import Model

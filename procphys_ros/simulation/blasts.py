@@ -19,7 +19,7 @@ import numpy as np
 import scipy  # its parts are imported by their first use
 
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import air_blast

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.elementary import exp, expm1
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.simulation import breaking, masonry

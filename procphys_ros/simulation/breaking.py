@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
 from procphys_ros.simulation import fragments
 from procphys_ros.simulation.events import NO_BOND

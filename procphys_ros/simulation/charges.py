@@ -23,9 +23,9 @@ that way, to both sides. All of this is an estimate, see decision 32.
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, chain, Shape
-from procphys_ros.linear import eigen, norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import eigen, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import exposed_faces
 from procphys_ros.physics.masonry import cells

@@ -22,8 +22,8 @@ trees as impulses.
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.trees import anchors, Forest
 from procphys_ros.simulation import breaking
 from procphys_ros.simulation.model import Model

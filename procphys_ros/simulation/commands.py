@@ -21,8 +21,8 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow

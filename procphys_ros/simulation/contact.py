@@ -20,8 +20,8 @@ from functools import partial
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.touch import Partners, resolve
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState

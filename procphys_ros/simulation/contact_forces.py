@@ -20,8 +20,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear_kernels import solve, transformed, transformed_back
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.geometry.linear_kernels import solve, transformed, transformed_back
+from procphys_ros.geometry.rotation_kernels import matrix
 
 _FLAT = 0.03    # [m] off the plane of contact: nearer parts share the pressure
 _AROUND = 0.06  # [m] outside of the points of contact: likewise

@@ -20,7 +20,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
 from procphys_ros.physics.trees import Forest

@@ -19,7 +19,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import cells
 from procphys_ros.scene.placement import FOOTING
 from procphys_ros.scene.strikes import Demolition

@@ -19,7 +19,7 @@ from itertools import islice
 
 import numpy as np
 
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.dust import DustCloud, lost_energy
 from procphys_ros.physics.kinetic import motion_energy

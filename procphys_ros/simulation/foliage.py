@@ -22,7 +22,7 @@ and 7 % of that of the segments which carry them, while their share of the drag 
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.foliage import air_speeds, carried, Flutter
 from procphys_ros.simulation import skyline

@@ -19,10 +19,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Shape
 from procphys_ros.elementary import expm1
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.world import (
     BodyState,

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law, Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.scene import SceneObject

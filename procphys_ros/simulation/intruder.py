@@ -19,11 +19,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.elementary import expm1
 from procphys_ros.errors import CommandError, nearest_names
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
 from procphys_ros.physics.world import BodyState, Pieces

@@ -20,9 +20,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.schema import short

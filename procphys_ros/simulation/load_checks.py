@@ -21,8 +21,8 @@ import logging
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Failures
 from procphys_ros.physics.terrain import FLAT, Terrain

@@ -22,7 +22,7 @@ from typing import cast
 
 import numpy as np
 
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, punched, Resistance, together

@@ -19,9 +19,9 @@ import math
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan, cos, sin, tan
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.scene.culling import CullingSettings
 
 _STRAIGHT = 0.5 * math.pi  # [rad] widest half angle that planes can bound

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.touch import overlaps, piece_bounds
 from procphys_ros.physics.world import BodyState, expand, World
 

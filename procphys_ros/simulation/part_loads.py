@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Law
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.simulation.parts import Owner

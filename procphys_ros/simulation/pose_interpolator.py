@@ -17,8 +17,8 @@
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world import velocity_between
 
 _STALE = 0.5      # [s] without a pose, after which the next one starts a new motion

@@ -19,9 +19,9 @@ import math
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.loads import (

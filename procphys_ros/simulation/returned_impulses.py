@@ -19,10 +19,10 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.rotation_kernels import matrix
 from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.rigid.islands import Islands
 from procphys_ros.physics.world import BodyState, Contacts, World
-from procphys_ros.rotation_kernels import matrix
 
 _CHAIN = 0.3  # [m/s] change of speed down to which impulses are followed along chains of contacts
 

@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.world import BodyState
 from procphys_ros.simulation.model import Model

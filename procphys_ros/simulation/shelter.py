@@ -18,9 +18,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Shelter
 from procphys_ros.scene import SceneObject

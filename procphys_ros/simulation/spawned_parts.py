@@ -19,11 +19,11 @@ from functools import cache
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Hexahedra, Ornaments, Shape
 from procphys_ros.elementary import power
-from procphys_ros.hexahedron import solids, volumes
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import solids, volumes
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 

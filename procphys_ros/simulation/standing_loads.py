@@ -18,7 +18,7 @@
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import StressSolver
 
 _TOGETHER = 0.1  # [s] loads that change within this time act together: about two periods of a

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.schema import short
 
 _LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers diverge

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.simulation.state import State
 
 _PRESSED = 0.7  # cosine between an impulse and a joint's normal, least for its transmission

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import punched
 from procphys_ros.physics.world import BodyState, Contacts

@@ -18,8 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.view.source import Frame
 
 _MOST = 4000  # cracks drawn at once; of more, the newest

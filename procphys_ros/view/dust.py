@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.palette import rgba
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.view.source import Frame
 
 _MOST = 1500  # puffs drawn at once; of more, evenly chosen ones

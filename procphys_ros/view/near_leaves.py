@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.palette import look
+from procphys_ros.appearance.palette import look
 from procphys_ros.render.texture import CLUSTERS
 from procphys_ros.view import shapes
 from procphys_ros.view.source import PageContent

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.view.source import Frame
 
 GROUND = -1

@@ -20,7 +20,7 @@ import io
 
 import numpy as np
 
-from procphys_ros.palette import look
+from procphys_ros.appearance.palette import look
 from procphys_ros.render import texture
 from procphys_ros.render.mesh import hexahedra
 from procphys_ros.render.unit_meshes import Kind, unit_mesh

@@ -18,9 +18,9 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros import torn_wood
+from procphys_ros.appearance import torn_wood
+from procphys_ros.appearance.palette import rgba
 from procphys_ros.blueprint import GROUND
-from procphys_ros.palette import rgba
 from procphys_ros.view.source import Frame
 
 _VISIBLE = 1e-3  # [m] and [-]: smaller moves are not sent

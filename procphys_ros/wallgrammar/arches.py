@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.elementary import acos, asin, cos, hypot, sin
-from procphys_ros.linear import product, solve
+from procphys_ros.geometry.linear import product, solve
 
 SHAPES = {'round': 0, 'segmental': 1, 'pointed': 0, 'flat': 0}  # number of parameters of each
 _SKEW = np.sqrt(0.75)  # height over span of the triangle at whose apex joints of flat arches meet

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procphys_ros.hexahedron import box_corners
+from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.wallgrammar import arches, cutting
 from procphys_ros.wallgrammar.arches import Curve, Line
 from procphys_ros.wallgrammar.bonds import Layout

@@ -19,17 +19,18 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from procphys_ros import cut_bricks, rotation
 from procphys_ros.blueprint import (
     Blueprint,
     box_inertia,
+    cut_bricks,
     GROUND,
     Hexahedra,
     Law,
     Mortar,
     Shape,
 )
-from procphys_ros.hexahedron import box_corners, solids
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
 from procphys_ros.wallgrammar.contacts import FaceContacts
 from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.elementary import cos, hypot, sin, tan
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.language import Expression
-from procphys_ros.linear import norm, product
 from procphys_ros.wallgrammar import footprint, slopes, walls
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros

@@ -20,8 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.geometry import rotation
 from procphys_ros.language import (
     check_length,
     find_grammar,

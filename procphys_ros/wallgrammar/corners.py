@@ -18,9 +18,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import hypot
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO
 from procphys_ros.wallgrammar.construction import Site

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.elementary import hypot
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.polygons import moments
 
 _ROUND = 0.0015  # [m] of a corner that may be cut off, to leave a piece with four

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar import cutting, ledges
 from procphys_ros.wallgrammar.courses import Courses, Ledge
 from procphys_ros.wallgrammar.cutting import Gap, Zone

@@ -19,10 +19,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan2, cos, hypot, sin, tan
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import product
 from procphys_ros.language import Place
-from procphys_ros.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO, micro, micros
 
 _ALIGNED = 1e-6   # [rad] edges this close to a right angle are taken as right-angled

@@ -18,8 +18,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import cos, tan
+from procphys_ros.geometry import rotation
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.footprint import Corner
 from procphys_ros.wallgrammar.roofs import RIDGE, Roof

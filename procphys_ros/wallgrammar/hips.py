@@ -16,9 +16,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan2, cos, tan
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.wallgrammar.boxes import (
     Boxes,
     from_cells,

@@ -18,10 +18,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import GROUND
-from procphys_ros.hexahedron import faces
-from procphys_ros.linear import eigen, norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import faces
+from procphys_ros.geometry.linear import eigen, norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 
 _FACING = -0.94    # largest cosine between normals of opposite faces: 20 degrees

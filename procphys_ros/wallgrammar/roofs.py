@@ -18,9 +18,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan2, cos, sin, tan
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro

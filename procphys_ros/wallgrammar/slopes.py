@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from procphys_ros import rotation
 from procphys_ros.elementary import cos, sin
+from procphys_ros.geometry import rotation
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, stack
 from procphys_ros.wallgrammar.construction import Site
 

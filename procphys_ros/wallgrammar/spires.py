@@ -20,8 +20,8 @@ from functools import cached_property
 import numpy as np
 
 from procphys_ros.elementary import acos, atan2, cos, hypot, sin, tan
+from procphys_ros.geometry.linear import product, solve
 from procphys_ros.language import Place
-from procphys_ros.linear import product, solve
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros
 from procphys_ros.wallgrammar.construction import Site

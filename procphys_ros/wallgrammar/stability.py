@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # its parts are imported by their first use
 
 from procphys_ros.blueprint import GROUND
-from procphys_ros.rotation import rotate
+from procphys_ros.geometry.rotation import rotate
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.boxes import Boxes, MICRO
 from procphys_ros.wallgrammar.construction import Site

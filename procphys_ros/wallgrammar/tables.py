@@ -18,9 +18,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.errors import nearest_names
 from procphys_ros.language import Expression, Place
-from procphys_ros.palette import is_known, LOOKS
 from procphys_ros.wallgrammar.bonds import BONDS, Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.elementary import cos, hypot, sin, tan
-from procphys_ros.hexahedron import box_corners
+from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.wallgrammar.boxes import (
     Boxes,
     from_cells,

@@ -18,14 +18,14 @@ import math
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.blueprint.skeleton import LEAF_AREAL_DENSITY
 from procphys_ros.compilation import kernel
 from procphys_ros.compilation import threads as pool
 from procphys_ros.elementary import atan2, cos, exp, sin, standard_normal
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
-from procphys_ros.skeleton import LEAF_AREAL_DENSITY
 
 DRAG = 0.5 * AIR_DENSITY * PLATE_DRAG / LEAF_AREAL_DENSITY  # [1/m] deceleration over speed²
 _SPREAD = 0.12  # of the logarithm of the drag: some fall edge-on for longer than others

@@ -26,10 +26,10 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.lidar.pattern import Pattern, window
 from procphys_ros.physics.terrain import FLAT, ray_range, Terrain
-from procphys_ros.rotation_kernels import matrix_rows
 
 GROUND, NOTHING = -1, -2  # in place of a part
 _CAPSULE = int(Shape.CAPSULE)

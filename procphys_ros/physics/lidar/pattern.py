@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cos, functions, sin, tan
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 
 class Pattern(NamedTuple):

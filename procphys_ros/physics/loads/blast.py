@@ -24,7 +24,7 @@ import numpy as np
 
 from procphys_ros.elementary import cbrt
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, faces, reflections
 from procphys_ros.physics.loads.sight import Sight

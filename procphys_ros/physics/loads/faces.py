@@ -19,8 +19,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry import rotation
 
 _PATCH = 0.5       # [m] target edge of a patch
 _MOST_PATCHES = 8  # along one edge of a face

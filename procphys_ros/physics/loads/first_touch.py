@@ -23,7 +23,7 @@ and normal out of it, one row per target. Bodies that overlap from the start tou
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.linear_kernels import transformed
+from procphys_ros.geometry.linear_kernels import transformed
 
 _EXACT = 1e-9    # [m] distance at which a body counts as touching
 _ROUNDS = 50     # of Newton's method, which needs less than ten

@@ -20,8 +20,8 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan2, cos, sin
+from procphys_ros.geometry import rotation
 
 _ENCLOSED = 4  # least number of blocked directions, of six along the axes, of enclosed cells
 

@@ -27,8 +27,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.loads.lattice import heading
 from procphys_ros.physics.loads.sight import SEAL, Sight
 

@@ -23,9 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # subpackages are imported on first use
 
-from procphys_ros import rotation
 from procphys_ros.elementary import cbrt
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.loads.lattice import heading, Lattice
 from procphys_ros.physics.loads.sight import Sight
 

@@ -22,9 +22,9 @@ Boxes are listed in the cells of a grid, and a ray tests those listed in the cel
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cbrt
+from procphys_ros.geometry import rotation
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
 _LEAST_CELL = 0.25       # [m] about the size of a brick

@@ -17,9 +17,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import cbrt
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.loads.lattice import heading, Lattice
 
 _CELL = 0.25          # [m] least cell of the lattice

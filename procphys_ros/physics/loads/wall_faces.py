@@ -17,8 +17,8 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.geometry import rotation
 
 _THICKEST = 0.02   # [m] half of the widest joint that mortar fills, 4 cm
 _SQUARE = 0.99     # cosine within which a joint counts as parallel to a face

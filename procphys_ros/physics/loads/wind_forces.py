@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.elementary import atan2, cos, sin
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import faces, wind_pressure
 from procphys_ros.physics.loads.sight import Sight

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.elementary import acos, cos
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 # Windward and lee walls over height/depth.
 _SLENDER = np.array([0.25, 1.0, 5.0])

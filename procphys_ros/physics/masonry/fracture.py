@@ -21,7 +21,7 @@ import math
 
 import numpy as np
 
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties

@@ -29,9 +29,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import blow_kernels, cells, components, links
 from procphys_ros.physics.masonry.brittle import as_mortar
 from procphys_ros.physics.masonry.graph import BondGraph

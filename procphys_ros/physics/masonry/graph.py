@@ -19,8 +19,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Mortar
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import links, members
 
 HUB = 24  # bonds; a part with more of them (a slab) is long compared with its neighbours

@@ -28,7 +28,7 @@ vector p along the patch, force per turn, and the normal n, packed as a row of 6
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.linear_kernels import inverse
+from procphys_ros.geometry.linear_kernels import inverse
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 

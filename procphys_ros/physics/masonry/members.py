@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 _STRAIGHT = 0.99  # least cosine between the normals of two joints and the line between them
 

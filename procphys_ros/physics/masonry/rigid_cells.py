@@ -23,7 +23,7 @@ is at the centre of its first cell.
 import numpy as np
 
 from procphys_ros.compilation import subroutine
-from procphys_ros.linear_kernels import inverse, solve
+from procphys_ros.geometry.linear_kernels import inverse, solve
 from procphys_ros.physics.masonry import links
 
 

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import pcg
 
 _COHERENT = 0.3  # tolerances times the root of the number of parts: largest sum of the residuals

@@ -32,6 +32,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary.functions import atan2
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.rigid.body_rows import EASE, eased, lightened, rotated, SPEED, SPIN, WAY
 from procphys_ros.physics.rigid.vectors import (
     cross,
@@ -44,7 +45,6 @@ from procphys_ros.physics.rigid.vectors import (
     scaled,
     three,
 )
-from procphys_ros.rotation_kernels import matrix_rows
 
 
 class JointKind(IntEnum):

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.geometry.rotation_kernels import carried, matrix_rows
 from procphys_ros.physics.rigid.vectors import at, cross, INLINE, LEAN, length, less, scaled
-from procphys_ros.rotation_kernels import carried, matrix_rows
 
 ROUND, BOX, HEXAHEDRON = 0, 1, 2
 SLOP = 0.005  # [m] gap in which contacts are created, beyond the motion of one step

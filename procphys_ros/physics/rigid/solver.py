@@ -30,6 +30,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.rigid import joints as jointed
 from procphys_ros.physics.rigid.body_rows import (
     BEND,
@@ -60,7 +61,6 @@ from procphys_ros.physics.rigid.vectors import (
     tangent,
     three,
 )
-from procphys_ros.rotation_kernels import matrix_rows
 
 _PUSH = 0.3  # [m/s] largest speed of overlap correction, so that wedged bodies are not thrown out
 _RECOVERY = 30.0  # [1/s] correction rate of overlap and tangential creep: at four times this large

@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.rotation_kernels import matrix_rows
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba does not support enums
 _FEW = 64  # largest count for insertion sort

@@ -18,8 +18,8 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear_kernels import dot, transformed, transformed_back
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.geometry.linear_kernels import dot, transformed, transformed_back
+from procphys_ros.geometry.rotation_kernels import matrix
 
 Overlap = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Depths, 0 where nothing touches [m], (B,), ways out of each box, (B, 3), and a point where they

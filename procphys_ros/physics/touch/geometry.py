@@ -23,9 +23,9 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import functions
-from procphys_ros.linear_kernels import transformed, transformed_back
+from procphys_ros.geometry.linear_kernels import transformed, transformed_back
+from procphys_ros.geometry.rotation_kernels import matrix, matrix_rows
 from procphys_ros.physics.terrain import FLAT, height_at, normal_at, Terrain
-from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 _BOX = int(Shape.BOX)  # numba does not support enums
 _AHEAD = 1.5      # steps of prediction: this one, and the lag of joints in the next

@@ -28,7 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear_kernels import dot, product, transformed
+from procphys_ros.geometry.linear_kernels import dot, product, transformed
 
 _ITERATIONS = 40
 _CONVERGED = 1e-6  # [m/s] largest change of velocity at a contact in a converged iteration

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import subroutine
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.trees.spatial import INLINE
 
 # Columns of `ForestState.anchor`: spring [N/m], damper [N·s/m], target point of the centre of mass

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     anchors,

@@ -19,9 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Hinges, Law
 from procphys_ros.errors import SceneError
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG, VOGEL_EXPONENT
 
 # Columns of `Rows.body`, constants of a segment.

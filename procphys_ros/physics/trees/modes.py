@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear_kernels import dot
+from procphys_ros.geometry.linear_kernels import dot
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,

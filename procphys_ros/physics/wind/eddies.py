@@ -35,7 +35,7 @@ import numpy as np
 import scipy  # subpackages are imported on first use
 
 from procphys_ros.elementary import cos, exp, hypot, power, sin, standard_normal
-from procphys_ros.linear import product
+from procphys_ros.geometry.linear import product
 from procphys_ros.physics.wind.spectra import Spectrum
 
 _SHORT = 16.5 / 512.0  # [cycles/m] waves shorter than 31 m go to the small box

@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.compilation import threads as pool
 from procphys_ros.errors import CommandError
-from procphys_ros.linear import norm, product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes

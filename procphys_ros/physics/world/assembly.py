@@ -19,8 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.linear_kernels import diagonalise, transformed, transformed_back
-from procphys_ros.rotation_kernels import matrix
+from procphys_ros.geometry.linear_kernels import diagonalise, transformed, transformed_back
+from procphys_ros.geometry.rotation_kernels import matrix
 
 
 @dataclass(frozen=True)

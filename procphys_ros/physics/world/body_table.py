@@ -19,9 +19,9 @@ from enum import IntEnum
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world.loose_bodies import LooseBody, radii
 from procphys_ros.physics.world.pieces import Pieces
 

@@ -33,8 +33,8 @@ import weakref
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.hexahedron import box_corners, inset, write_hulls
-from procphys_ros.linear import norm
+from procphys_ros.geometry.hexahedron import box_corners, inset, write_hulls
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable

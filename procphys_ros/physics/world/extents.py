@@ -19,9 +19,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.rotation_kernels import carried, matrix_rows
 from procphys_ros.physics.touch import half_extent
 from procphys_ros.physics.world.body_table import BodyTable
-from procphys_ros.rotation_kernels import carried, matrix_rows
 
 _BOX = int(Shape.BOX)  # numba does not support enums
 _PARALLEL = 1e-6  # length of the cross product of parallel unit vectors

@@ -21,8 +21,8 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.rigid.joints import JointKind, JointRows, no_joints
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 

@@ -16,9 +16,9 @@
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.elementary import atan2
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.engine import Engine
 

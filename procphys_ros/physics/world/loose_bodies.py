@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces, single, solid_inertia
 

@@ -17,8 +17,8 @@
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.rotation_kernels import matrix, matrix_rows
 from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
-from procphys_ros.rotation_kernels import matrix, matrix_rows
 
 JOINT = 0.015  # [m], widest gap (a mortar joint, with tolerance) that a merged box bridges
 LEVEL = 0.03   # [m], largest offset of flush ends of courses; larger ones are toothing

@@ -19,9 +19,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation.threads import even_ranges, run
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.rigid.contacts import (
     ContactRows,
     find,

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from procphys_ros.blueprint import box_inertia, cylinder_inertia, Hexahedra, Shape
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world.merging import corners_outside, merge_boxes
 
 

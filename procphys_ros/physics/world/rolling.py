@@ -18,9 +18,9 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.rigid.solver import MOST_ROLLING, ROLLING
 from procphys_ros.physics.world.body_table import BodyTable
-from procphys_ros.rotation_kernels import matrix_rows
 
 _BOX = int(Shape.BOX)  # numba does not support enums
 

@@ -22,7 +22,7 @@ them, and when the contact forces on them change.
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry.components import root_of
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.extents import are_near, bounds

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 
 @dataclass(frozen=True)

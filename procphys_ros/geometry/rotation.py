@@ -17,7 +17,7 @@
 import numpy as np
 
 from procphys_ros.elementary import cos, sin
-from procphys_ros.linear import norm
+from procphys_ros.geometry.linear import norm
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
 

@@ -18,8 +18,8 @@
 import numpy as np
 import scipy  # its parts are imported by their first use
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.geometry import rotation
 
 # [Pa] tension and cohesion inside a brick or stone: a tenth of the compressive strength of bricks
 # of 20 MPa, as good as sandstone of low strength.

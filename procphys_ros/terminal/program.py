@@ -30,7 +30,7 @@ import sys
 from typing import NoReturn
 
 from procphys_ros import __version__
-from procphys_ros.interruption import raising
+from procphys_ros.terminal.interruption import raising
 
 INTERRUPTED = 130
 COMMANDS = {

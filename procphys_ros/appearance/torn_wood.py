@@ -23,10 +23,10 @@ from typing import Protocol
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.elementary import cos, sin
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
 _APART = 0.05     # [m] largest gap of an intact joint

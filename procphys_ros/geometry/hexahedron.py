@@ -18,8 +18,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros import rotation
-from procphys_ros.linear import determinant, eigen, norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import determinant, eigen, norm
 
 # Corners of the faces, counter-clockwise from outside: -x +x -y +y -z +z (see `Hexahedra`).
 FACES = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1],

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.linear_kernels import diagonalise
+from procphys_ros.geometry.linear_kernels import diagonalise
 
 
 def dot(a: np.ndarray, b: np.ndarray) -> Any:

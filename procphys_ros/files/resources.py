@@ -34,7 +34,7 @@ def shared_folder() -> Path:
 
     :raises FileNotFoundError: when none of them has the files: the install is broken.
     """
-    source = Path(__file__).resolve().parents[1]
+    source = Path(__file__).resolve().parents[2]
     prefixes = [Path(p) for p in os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep) if p]
     folders = [source, *(p / 'share' / PACKAGE for p in [*prefixes, Path(sys.prefix)])]
     for folder in folders:

@@ -20,7 +20,6 @@ from heapq import heappop, heappush
 
 import numpy as np
 
-from procphys_ros import rotation
 from procphys_ros.blueprint import (
     Blueprint,
     cylinder_inertia,
@@ -33,7 +32,8 @@ from procphys_ros.blueprint import (
 )
 from procphys_ros.elementary import power
 from procphys_ros.errors import SceneError
-from procphys_ros.linear import norm
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 
 # Fresh leaf mass per one-sided area [kg/m²]: about 75 g/m² dry for deciduous trees (Poorter et al.
 # 2009, New Phytologist 182:565) at about 60 % water.

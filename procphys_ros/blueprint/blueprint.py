@@ -26,7 +26,7 @@ from typing import Self
 
 import numpy as np
 
-from procphys_ros import rotation
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 GROUND = -1  # stands in `Blueprint.bonds` for the ground
