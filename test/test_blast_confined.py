@@ -24,7 +24,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.blast_loads import on_everything
+from procphys_ros.simulation.blasts import on_everything
 from procphys_ros.wallgrammar import WallGrammar
 
 GATE = """

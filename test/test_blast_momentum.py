@@ -23,7 +23,7 @@ import pytest
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.blast_loads import on_everything
+from procphys_ros.simulation.blasts import on_everything
 
 
 def stand(built, **settings):

@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.simulation.contact_forces import BodyContacts, spread
+from procphys_ros.physics.masonry.contact_forces import BodyContacts, spread
 
 
 def test_a_contact_without_a_normal_presses_nothing():

@@ -22,7 +22,7 @@ import pytest
 from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition
-from procphys_ros.simulation import Cause, demolition, Simulation
+from procphys_ros.simulation import Cause, charges, Simulation
 
 DT = 1.0 / 60.0
 PLACE, RADIUS = [3.0, 0.0, 0.6], 0.59
@@ -57,7 +57,7 @@ def fired():
     simulation = stand(wall(30, 16))
     simulation.demolish(Demolition([0.0], PLACE, [RADIUS]))
     while simulation.state.charges:  # its own stage, before the engine moves anything
-        demolition.step(simulation.model, simulation.state, DT)
+        charges.step(simulation.model, simulation.state, DT)
     return simulation
 
 
@@ -161,7 +161,7 @@ def test_a_building_without_its_ground_floor_comes_down():
 def test_default_charges_are_fired_from_the_middle_out():
     """Lay charges along the walls, the later the farther from the middle."""
     simulation = stand(building(side=12, storeys=1, courses=34, windows=2))
-    plan = demolition.implosion(simulation.model, simulation.state)
+    plan = charges.implosion(simulation.model, simulation.state)
     away = np.linalg.norm(plan.places[:, :2] - plan.places[:, :2].mean(axis=0), axis=1)
     assert np.all(np.diff(np.asarray(plan.delays)[np.argsort(away)]) >= 0.0)
     assert (plan.places[:, 2] > 0.2).all() and (plan.places[:, 2] < 2.2).all()

@@ -22,7 +22,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import detached_branches, fragments, Simulation
+from procphys_ros.simulation import fragments, Simulation, trees
 
 _DT = 1.0 / 60.0
 
@@ -100,7 +100,7 @@ def test_becoming_rigid_moves_nothing_and_keeps_all_momentum():
     poses, velocities = forest.poses[rows].copy(), forest.velocities[rows].copy()
     before = motion(source.mass[parts], source.inertia[parts], poses, velocities)
     simulation.state.trees.age[1] = 100.0
-    detached_branches.make_rigid(simulation.model, simulation.state, _DT)
+    trees.make_rigid(simulation.model, simulation.state, _DT)
     assert not forest.active[rows].any()
     fragments.write_poses(simulation.model, simulation.state, _DT)
     np.testing.assert_allclose(simulation.poses[parts, :3], poses[:, :3], atol=1e-12)
@@ -131,7 +131,7 @@ def test_small_pieces_are_rigid_at_once_and_large_ones_are_not():
         simulation = stand()
         forest = simulation.state.forest
         row = int(simulation.state.parts.row[part])
-        assert (len(forest.subtree(row)) >= detached_branches.SMALLEST) == limp
+        assert (len(forest.subtree(row)) >= trees.SMALLEST) == limp
         forest._capacity[row, 2] = 1.0  # [Pa]
         simulation.apply_impulse(part, (0.5, 0.5, 0.0))
         simulation.step(2)
@@ -210,5 +210,5 @@ def test_no_more_branches_are_flexible_than_can_be_afforded():
     simulation.set_wind((10.0, 0.0, 0.0))
     simulation.step(5)
     assert simulation.bonds_broken == 30
-    assert len(forest.free_roots) == detached_branches.MOST
-    assert len(simulation.state.bodies.members) == 30 - detached_branches.MOST
+    assert len(forest.free_roots) == trees.MOST
+    assert len(simulation.state.bodies.members) == 30 - trees.MOST

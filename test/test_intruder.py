@@ -24,9 +24,9 @@ from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.touch import overlap_ball, overlap_box
+from procphys_ros.physics.world.kinematic import PoseInterpolator
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.pose_interpolator import PoseInterpolator
 
 _DT = 1.0 / 60.0
 _TURN = [0.0, 0.0, 0.0, 1.0]

@@ -30,8 +30,8 @@ from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.mesh import boxes_in
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.lidar import INTRUDER
-from procphys_ros.simulation.validation import checked_rotation
+from procphys_ros.simulation.commands import checked_rotation
+from procphys_ros.simulation.readings import FIRST_INTRUDER
 
 _TURN = [0.0, 0.0, 0.0, 1.0]
 _LYING = [np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)]  # z of the body along -y of the world
@@ -183,7 +183,7 @@ def test_snapshots_have_intruders_and_lidars_see_them():
     np.testing.assert_array_equal(other.pose_of_intruder('car'), [3.0, 0.0, 1.0, *_TURN])
     scan = other.scan(LidarSettings(rows=1, columns=1, horizontal_field=0.1,
                                     position=(6.0, 0.0, 1.0), rotation=(0.0, 0.0, np.pi)))
-    assert scan.parts[0, 0] == INTRUDER - 2 and scan.ranges[0, 0] == pytest.approx(2.5)
+    assert scan.parts[0, 0] == FIRST_INTRUDER - 2 and scan.ranges[0, 0] == pytest.approx(2.5)
     other.reset()
     assert other.pose_of_intruder('car') is None
 

@@ -19,12 +19,12 @@ import numpy as np
 import pytest
 
 from procphys_ros.physics.kinetic import motion_energy
+from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.physics.world import installed_engines
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import impacts, Simulation
 from procphys_ros.simulation.blows import blows_of, change_by_contacts
-from procphys_ros.simulation.contact_forces import PieceBlow
 
 _UNBREAKABLE = {'tension': 1e12, 'cohesion': 1e12, 'compression': 1e12}  # [Pa]
 _WEIGHTY = 0.05  # of all energy: what has less is not looked at

@@ -30,7 +30,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.lidar import INTRUDER
+from procphys_ros.simulation.readings import FIRST_INTRUDER
 
 AHEAD = [0.0, 0.0, 0.0, 1.0]
 RING = spherical(1, 720, 0.01, 2.0 * math.pi)
@@ -192,10 +192,10 @@ def test_a_sensor_rides_on_an_intruder_and_does_not_see_it():
     simulation.step()
     scan = simulation.scan(riding)
     np.testing.assert_allclose(scan.pose[:3], [1.0, -0.4, 0.4], atol=1e-6)
-    assert (scan.parts != INTRUDER).all() and (scan.parts >= 0).any()
+    assert (scan.parts != FIRST_INTRUDER).all() and (scan.parts >= 0).any()
     standing = LidarSettings(rows=1, columns=1, position=(-2.0, -0.4, 0.3), horizontal_field=0.1)
     scan = simulation.scan(standing)
-    assert scan.parts.tolist() == [[INTRUDER]] and scan.ranges[0, 0] == pytest.approx(2.5)
+    assert scan.parts.tolist() == [[FIRST_INTRUDER]] and scan.ranges[0, 0] == pytest.approx(2.5)
     with pytest.raises(CommandError, match='"intrude"; did you mean intruder'):
         simulation.scan(LidarSettings(attached_to='intrude'))
 

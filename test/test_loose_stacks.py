@@ -27,7 +27,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.rubble_wind import holding_wind
+from procphys_ros.simulation.fragments import holding_wind
 
 engines = pytest.mark.parametrize('engine', installed_engines())
 exact = pytest.mark.parametrize('engine', [name for name in installed_engines()

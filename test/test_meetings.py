@@ -22,11 +22,11 @@ import pytest
 
 from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.geometry import rotation
+from procphys_ros.physics.masonry.standing_loads import StandingLoads
 from procphys_ros.physics.world import rigid_sum
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, masonry, Simulation
-from procphys_ros.simulation.standing_loads import StandingLoads
 
 _DT = 1.0 / 60.0
 _TURN = np.array([0.0, 0.0, 0.0, 1.0])

@@ -26,7 +26,7 @@ from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Owner, Simulation
-from procphys_ros.simulation.part_loads import describe, load_of
+from procphys_ros.simulation.readings import describe_load, load_of
 
 GRAVITY = 9.81
 STRENGTH = 40e6  # [Pa]
@@ -133,7 +133,7 @@ def test_the_bricks_at_the_foot_carry_the_pier(simulation):
 
 def test_loads_are_said_in_one_line(simulation):
     """Say what carries what, and what lies loose."""
-    assert describe(simulation.state, 0).startswith('beam/segment_0 carries ')
+    assert describe_load(simulation.state, 0).startswith('beam/segment_0 carries ')
     ball = len(simulation.poses) - 1
-    assert 'is loose' in describe(simulation.state, ball)
+    assert 'is loose' in describe_load(simulation.state, ball)
     assert load_of(simulation.state, ball).force == 0.0

@@ -20,7 +20,7 @@ import pytest
 
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import branch_loads, Simulation
+from procphys_ros.simulation import contact, Simulation
 from procphys_ros.simulation.contact_pairs import TreeContacts
 
 _DT = 1.0 / 60.0
@@ -68,7 +68,7 @@ def test_a_branch_bends_a_post_by_the_height_at_which_it_leans(height):
         np.array([[-0.15, 0.0, height]]), np.array([[-300.0 * _DT, 0.0, 0.0]]), np.ones(1),
         np.zeros(1))
     for _ in range(120):
-        branch_loads.update(model, state, _DT)
+        contact.press_walls(model, state, _DT)
     parts, wrenches = state.loads.layer('branches')
     assert parts.tolist() == [0]
     assert wrenches[0] == pytest.approx([300.0, 0.0, 0.0, 0.0, 300.0 * (height - 1.5), 0.0],

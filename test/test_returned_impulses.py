@@ -21,7 +21,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import free_spins, motion_energy
 from procphys_ros.physics.world import World
-from procphys_ros.simulation.returned_impulses import Begun, give_back
+from procphys_ros.physics.world.returned_impulses import Begun, give_back
 
 _STEP = 1.0 / 60.0  # [s]
 

@@ -23,7 +23,7 @@ from procphys_ros.physics.dust import DustCloud, State
 from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.physics.skyline import height_at, Skyline
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import Simulation, skyline
+from procphys_ros.simulation import particles, Simulation
 from procphys_ros.simulation.parts import Owner
 
 STEP = 1.0 / 60.0
@@ -59,7 +59,7 @@ def test_heights_are_those_of_the_boxes():
                               rng.uniform(0.5, 9.0, 40)])
     skyline = Skyline.over(bounds)
     for x, y in rng.uniform(-10.0, 10.0, (500, 2)):
-        corner = skyline.low + EDGE * np.floor((np.array([x, y]) - skyline.low) / EDGE)
+        corner = particles.low + EDGE * np.floor((np.array([x, y]) - particles.low) / EDGE)
         meets = ((bounds[:, :2] < corner + EDGE) & (bounds[:, 3:5] >= corner)).all(axis=1)
         assert height_at(skyline, x, y) == bounds[meets, 5].max(initial=0.0)
 
@@ -133,12 +133,12 @@ def test_the_skyline_follows_what_stands():
     scene.add(bonded(centres, BRICK), name='wall')
     simulation = Simulation(scene)
     model, state = simulation.model, simulation.state
-    whole = skyline.current(model, state)
+    whole = particles.current_skyline(model, state)
     top = BRICK[2] / 2.0 + 0.0325 + 0.075 * 9
     assert height_at(whole, 0.9, 0.0) == pytest.approx(top)
     simulation.step(40)
-    assert skyline.current(model, state) is whole
+    assert particles.current_skyline(model, state) is whole
     state.parts.owner[centres[:, 2] > 0.4] = Owner.GONE
     state.time += 0.3
-    drawn = skyline.current(model, state)
+    drawn = particles.current_skyline(model, state)
     assert height_at(drawn, 0.9, 0.0) == pytest.approx(BRICK[2] / 2.0 + 0.0325 + 0.075 * 4)

@@ -25,11 +25,12 @@ import numpy as np
 import pytest
 
 from procphys_ros.errors import SnapshotError
+from procphys_ros.files import archive
 from procphys_ros.physics.world import World
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.particles import DustSettings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import archive, Simulation
+from procphys_ros.simulation import Simulation
 from procphys_ros.wallgrammar import WallGrammar
 
 HOUSE = 'grammars/garden_wall.wall'

@@ -18,7 +18,7 @@
 import numpy as np
 import pytest
 
-from procphys_ros.simulation.standing_loads import StandingLoads
+from procphys_ros.physics.masonry.standing_loads import StandingLoads
 
 _DT = 1.0 / 60.0
 

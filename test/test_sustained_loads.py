@@ -19,9 +19,9 @@ from masonry_walls import bonded
 import numpy as np
 import pytest
 
+from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.simulation import Cause, impacts, Simulation
-from procphys_ros.simulation.contact_forces import PieceBlow
 
 _LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
 _STONE = 0.5  # [m], as wide as its middle block

@@ -27,8 +27,7 @@ import numpy as np
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Cause, Simulation
 from procphys_ros.simulation.parts import Owner, owners
-from procphys_ros.simulation.series import record as record_series
-from procphys_ros.simulation.series import Series
+from procphys_ros.simulation.readings import record_series, Series
 
 _TAKEN_EVERY = 60  # steps between reads of the log of breaks, long before it is full
 MEASURES = ('parts', 'mass_kg', 'bonds', 'bonds_broken',

@@ -26,7 +26,7 @@ from typing import Any, BinaryIO
 from procphys_ros.batch.run import MEASURES
 from procphys_ros.errors import SceneError
 from procphys_ros.files.output_files import lock, write_beside
-from procphys_ros.simulation.series import Series
+from procphys_ros.simulation.readings import Series
 
 SUFFIXES = ('.csv', '.parquet')
 

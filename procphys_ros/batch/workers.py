@@ -29,7 +29,7 @@ from typing import Any
 
 from procphys_ros.batch.run import record, Run
 from procphys_ros.errors import ProcPhysError, SceneError
-from procphys_ros.simulation.series import Series
+from procphys_ros.simulation.readings import Series
 from procphys_ros.terminal.warning_lines import told_to
 
 Outcome = tuple[int, tuple[dict[str, float], Series | None] | None, str, list[str]]

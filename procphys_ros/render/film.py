@@ -27,7 +27,7 @@ from procphys_ros.render.writers import PictureWriter
 from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.simulation import Simulation
-from procphys_ros.simulation.naming import PartNames
+from procphys_ros.simulation.parts import PartNames
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ from procphys_ros.ros.conversions import Act, check_frame, pose
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.spawn import Spawn
-from procphys_ros.simulation.validation import checked_rotation, checked_vector
+from procphys_ros.simulation.commands import checked_rotation, checked_vector
 from procphys_ros.terminal.argument_parser import whole
 
 FORMATS = ('lsys', 'wall')

@@ -27,7 +27,7 @@ from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import part_loads, Simulation
+from procphys_ros.simulation import readings, Simulation
 
 REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
 
@@ -183,7 +183,7 @@ class Session:
     def inspect(self, part: str) -> str:
         """Describe the load of a part."""
         state = self.simulation.state
-        return part_loads.describe(state, state.names.index(part))
+        return readings.describe_load(state, state.names.index(part))
 
     def remove_added(self) -> str:
         """Remove all spawned objects."""

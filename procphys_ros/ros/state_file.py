@@ -19,8 +19,8 @@ from pathlib import Path
 import stat
 
 from procphys_ros.errors import CommandError
+from procphys_ros.files.archive import is_archive
 from procphys_ros.files.output_files import write_beside
-from procphys_ros.simulation.archive import is_archive
 
 _LARGEST = 2 << 30  # [bytes] of a file to be read
 _HEAD = 64  # [bytes] that identify the type of a file

@@ -35,7 +35,7 @@ from procphys_ros.ros.receiver import Inlet, Receiver
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.intruders import INTRUDER
-from procphys_ros.simulation.validation import checked_rotation, checked_vector
+from procphys_ros.simulation.commands import checked_rotation, checked_vector
 
 
 class TopicCommands:

@@ -17,9 +17,8 @@
 
 from procphys_ros.physics.causes import Cause
 from procphys_ros.simulation.events import EVENT, EventLog
-from procphys_ros.simulation.part_loads import PartLoad
 from procphys_ros.simulation.parts import Owner
-from procphys_ros.simulation.series import Series
+from procphys_ros.simulation.readings import PartLoad, Series
 from procphys_ros.simulation.simulation import Simulation
 
 __all__ = ['Cause', 'EVENT', 'EventLog', 'Owner', 'PartLoad', 'Series', 'Simulation']

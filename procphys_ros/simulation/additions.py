@@ -30,11 +30,11 @@ from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.scene import check_place
-from procphys_ros.simulation import breaking, fragments, leaning, load_checks, masonry
+from procphys_ros.simulation import at_rest, breaking, fragments, load_checks, masonry
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
+from procphys_ros.simulation.obstacles import find_shelter
 from procphys_ros.simulation.parts import columns_of, Owner, owners
-from procphys_ros.simulation.shelter import find_shelter
 from procphys_ros.simulation.state import ClimberState, State
 
 
@@ -143,7 +143,7 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
         fragments.make_body(model, state, np.array([part]), source.poses[[part]],
                             np.zeros((1, 6)))
-    leaning.lean(model, state, rows)
+    at_rest.lean(model, state, rows)
 
 
 def _shelter(model: Model, state: State) -> Shelter:

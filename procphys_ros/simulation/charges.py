@@ -13,7 +13,7 @@
 # limitations under the License.
 
 """
-Charges in walls: break the masonry around them into pieces, and throw these.
+Charges in walls: they break the masonry around them and throw it, alone or in turn.
 
 A drilled charge is as heavy as the masonry needs that it is to break, so a kilogramme of masonry
 gets the same from all of them: at most v = √(2·_SHARE·_ENERGY·_SPECIFIC/ρ), 8.1 m/s for brick,
@@ -24,11 +24,14 @@ that way, to both sides. All of this is an estimate, see decision 32.
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, chain, Shape
+from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import eigen, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.loads import exposed_faces
 from procphys_ros.physics.masonry import cells
+from procphys_ros.scene.placement import FOOTING
+from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import breaking, glass, masonry, spawned_parts
 from procphys_ros.simulation.breaking import Shards
 from procphys_ros.simulation.model import Model
@@ -50,6 +53,11 @@ _SOON = 1.0         # [s] within which other charges share the budget
 _QUARTERS = 4       # pieces of a broken brick
 _LONGEST = 0.5      # [m] longer parts do not break into quarters
 _LOAD = 1.0         # over strength, of the bonds that charges break
+_BAND = (0.3, 2.0)  # [m] above the foot of a building, where charges are drilled
+_SPACING = 1.1     # [m] between charges of the default plan, at least
+_MARGIN = 1.1      # reach of a charge over the distance to its last brick, ...
+_BEYOND = 0.02     # [m] ... and more
+_SPREAD = 1.2      # [s] from the first charge, in the middle, to the last, at the corners
 
 
 def fire(model: Model, state: State, place: np.ndarray, radius: float) -> None:
@@ -220,3 +228,70 @@ def _ways(away: np.ndarray, faces: np.ndarray, weight: np.ndarray) -> np.ndarray
         side = int(np.argmin(norm(sums, axis=1)))
         ways[row], total = both[side, row], sums[side]
     return ways
+
+
+def arm(model: Model, state: State, plan: Demolition) -> int:
+    """
+    Schedule the charges of a plan.
+
+    :param plan: if it is empty, charges are laid along the ground-floor walls.
+    :returns: number of charges.
+    :raises CommandError: if no building stands.
+    """
+    if not state.standing.any():
+        raise CommandError('there is no building left to demolish')
+    plan = plan if len(plan) else implosion(model, state)
+    for delay, place, radius in zip(plan.delays, plan.places, plan.radii):
+        state.charges.append((state.time + float(delay), place, float(radius)))
+    state.charges.sort(key=lambda charge: charge[0])
+    return len(plan)
+
+
+def step(model: Model, state: State, dt: float) -> None:
+    """Fire the charges due within the step; breaks and releases, see `charges`."""
+    while state.charges and state.charges[0][0] < state.time + dt:
+        _, place, radius = state.charges.pop(0)
+        fire(model, state, place, radius)
+
+
+def implosion(model: Model, state: State) -> Demolition:
+    """
+    Lay charges along the walls of all ground floors, to be fired from the middle out.
+
+    :raises CommandError: if no wall stands at the height of the charges.
+    """
+    source, standing = model.blueprint, state.standing[:len(model.blueprint)]
+    low = source.poses[:, 2] - 0.5 * source.size[:, 2]
+    graph = state.solver.graph
+    on_ground = np.zeros(len(source) + 1, bool)
+    for ends in (graph.first, graph.second):
+        on_ground[ends[graph.grounded()]] = True
+    foot = float(np.min(low[on_ground[:-1] & standing], initial=0.0))
+    height = source.poses[:, 2] - foot
+    if not model.terrain.is_flat:
+        height = source.poses[:, 2] - _feet(model, low)
+    chosen = np.flatnonzero(standing & (source.shape == Shape.BOX) & (height > _BAND[0])
+                            & (height < _BAND[1]) & (source.mass < HEAVY))
+    if not len(chosen):
+        raise CommandError('no wall stands between 0.3 and 2 m above the ground; give '
+                           'demolition.positions')
+    points = source.poses[chosen, :3]
+    place = cells.nearest(points, points[cells.spread(points, _SPACING)])
+    count = np.bincount(place)
+    middles = np.column_stack([np.bincount(place, column) / count for column in points.T])
+    away = norm(middles[:, :2] - middles[:, :2].mean(axis=0), axis=1)
+    delays = _SPREAD * away / max(float(np.max(away)), 1e-9)
+    reach = np.zeros(len(middles))  # such that no pier is left between two charges
+    np.maximum.at(reach, place,
+                  norm(points - middles[place], axis=1))
+    return Demolition(delays.tolist(), middles.ravel().tolist(),
+                      (_MARGIN * reach + _BEYOND).tolist())
+
+
+def _feet(model: Model, low: np.ndarray) -> np.ndarray:
+    """Return the foot of the building that each part belongs to, above its footings [m], (N,)."""
+    source = model.blueprint
+    footing = np.array([kind == FOOTING for kind in source.kinds])[source.kind]
+    height = np.where(footing, np.inf, low)
+    feet = [height[thing.first:][:thing.count].min(initial=np.inf) for thing in model.objects]
+    return np.repeat(feet, [thing.count for thing in model.objects])

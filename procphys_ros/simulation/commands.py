@@ -12,44 +12,119 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Commands: a dataclass each, for users, cues and nodes, and how each is executed."""
+"""Commands: a dataclass each, for users, cues and nodes; how they are checked and executed."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+import logging
+import math
+import numbers
 from typing import Any
 
 import numpy as np
 
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
-from procphys_ros.simulation import (
-    blasts,
-    demolition,
-    fragments,
-    intruder,
-    masonry,
-    projectiles,
-)
+from procphys_ros.schema import short
+from procphys_ros.simulation import blasts, charges, fragments, intruder, masonry, projectiles
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.observer import Observer
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
-from procphys_ros.simulation.validation import (
-    checked_number,
-    checked_pose,
-    checked_rotation,
-    checked_switch,
-    checked_twist,
-    checked_vector,
-)
+from procphys_ros.simulation.tree_lod import Observer
 
+_LARGEST = 1e7  # [N·s], [N] and [m]; a loaded lorry at 900 km/h, beyond it numbers diverge
 _ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+_LOG = logging.getLogger(__name__)
+_EARLY = 1e-9  # [s] rounding of times that are sums of steps
+
+
+def checked_vector(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
+    """
+    Convert a command's numbers to a vector (3,).
+
+    :param what: their name, for the message.
+    :param value: as in the command.
+    :raises CommandError: if there are not three, or one is not finite or too large.
+    """
+    vector = _row(value)
+    if vector.shape != (3,):
+        raise CommandError(f'{what}: {value!r} is not three numbers [x, y, z]')
+    if not np.isfinite(vector).all():
+        raise CommandError(f'{what}: {vector.tolist()} is not finite')
+    if np.abs(vector).max() > _LARGEST:
+        raise CommandError(f'{what}: {vector.tolist()} is larger than {_LARGEST:g}')
+    return vector
+
+
+def checked_rotation(what: str, value: Sequence[float] | np.ndarray) -> np.ndarray:
+    """
+    Convert a command's numbers to a unit quaternion xyzw, (4,).
+
+    :param what: their name, for the message.
+    :param value: as in the command.
+    :raises CommandError: if there are not four, one is not finite, or all are zero.
+    """
+    turn = _row(value)
+    if turn.shape != (4,) or not np.isfinite(turn).all():
+        raise CommandError(f'{what} is {value!r}, it must be a quaternion [x, y, z, w]')
+    with np.errstate(over='ignore'):
+        length = float(norm(turn))
+    if not 1e-6 <= length < np.inf:
+        raise CommandError(f'{what}: {turn.tolist()} is no rotation')
+    return turn / length
+
+
+def checked_pose(what: str, value: Sequence[float]) -> np.ndarray:
+    """Convert a command's numbers to a pose (7,); raises as `checked_rotation`."""
+    pose = _row(value)
+    if pose.shape != (7,):
+        raise CommandError(f'{what}: {short(value)} is not a pose of seven numbers')
+    return np.concatenate([checked_vector(f'{what} position', pose[:3]),
+                           checked_rotation(f'{what} orientation', pose[3:])])
+
+
+def checked_twist(value: Sequence[float]) -> np.ndarray:
+    """Convert a command's numbers to velocity and spin (6,); raises as `checked_vector`."""
+    twist = _row(value)
+    if twist.shape != (6,):
+        raise CommandError(f'twist: {short(value)} is not six numbers')
+    return np.concatenate([checked_vector('velocity', twist[:3]),
+                           checked_vector('spin', twist[3:])])
+
+
+def checked_number(what: str, value: Any) -> float:
+    """Return a finite number, or raise `CommandError`."""
+    if not isinstance(value, numbers.Real) or not math.isfinite(value):
+        raise CommandError(f'{what} is {short(value)}, it must be a finite number')
+    return float(value)
+
+
+def checked_count(what: str, value: Any) -> int:
+    """Return an integer of 0 or more, or raise `CommandError`."""
+    if not isinstance(value, numbers.Integral) or value < 0:
+        raise CommandError(f'{what} is {short(value)}, it must be a whole number, 0 or more')
+    return int(value)
+
+
+def checked_switch(what: str, value: Any) -> bool:
+    """Return True or False, or raise `CommandError`: the text 'off' would count as true."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise CommandError(f'{what} is {short(value)}, it must be True or False')
+    return bool(value)
+
+
+def _row(value: Sequence[float] | np.ndarray) -> np.ndarray:
+    """Convert numbers to an array; empty if they are invalid."""
+    try:
+        return np.array(value, float)
+    except (TypeError, ValueError):
+        return np.empty(0)
 
 
 @dataclass(frozen=True)
@@ -276,6 +351,22 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     EnableWind: _enable_wind,
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
-    Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: demolition.arm,
+    Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
     SetBodyState: _set_body_state, PlaceIntruder: _place_intruder, Observe: _observe,
 }
+
+
+def run_cues(model: Model, state: State, dt: float) -> None:
+    """
+    Execute the cues that are due; writes what their commands write.
+
+    A refused cue is reported in the log, and the scene goes on.
+    """
+    cues = model.settings.cues
+    while state.cue < len(cues) and cues[state.cue].time <= state.time + _EARLY:
+        cue = cues[state.cue]
+        state.cue += 1
+        try:
+            apply(model, state, cue.what)
+        except CommandError as error:
+            _LOG.warning('scene.cues: "%s" was refused: %s', cue.text, error)

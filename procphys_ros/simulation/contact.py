@@ -12,31 +12,43 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+Contact of trees with walls, debris, the ground and each other: impulses on both sides.
 
-"""Contact of trees with walls, debris, the ground and each other: impulses on both sides."""
+An impulse J does the work J·(v₀ + v₁)/2, v being the velocity at which what touches moves apart.
+Contacts are solved for v₁ alone. A stiff twig that swings to and fro within a step may have a v₀
+along J: friction that stops it at the end of the step then gives it energy. So may a bend that is
+let go by an impulse, whose tree answers in another way than it was solved for. `too_much` bounds
+this work by what undoing overlaps takes.
+"""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary import exp, expm1
 from procphys_ros.geometry import rotation
-from procphys_ros.physics.touch import Partners, resolve
+from procphys_ros.geometry.linear import norm
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.touch import islands, Partners, resolve, slips
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import (
-    branch_loads,
-    contact_exclusions,
-    contact_pairs,
-    contact_work,
-    trees,
-)
+from procphys_ros.simulation import breaking, contact_exclusions, contact_pairs, masonry, trees
 from procphys_ros.simulation.blows import STILL
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
+from procphys_ros.simulation.wall_loads import DEBRIS_INTERVAL, SMOOTHING
 
+_ROUNDING = 1e-5  # [J/kg] gain allowed per step
+_SOLVED = 0.02    # relative accuracy of the solution of contacts
+_HEAVY = 200.0    # [N] on one brick; smaller forces, such as of twigs in the wind, load no wall
+_CHANGE = 0.02    # of the largest load: smaller changes need no new stresses
+_LEAST = 1.0      # [N] below which a force is dropped
+_LAYER = 'branches'
 _FRICTION = 0.6  # bark on soil, brick or bark
 _SLOP = 0.002    # [m] overlap that is left alone, so that resting contacts persist
 _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
@@ -47,6 +59,147 @@ _SURE = 0.01     # [m/s] slower points may have any effective mass
 _LOOKS = 4       # predictions at most, while joint limits engage or release
 _AGREES = 0.01   # error of a prediction, as a share of the fastest point
 _SHARES = (0.5, 0.5, 0.5, 0.0)  # shares of impulses kept, in turn, while they do too much work
+
+
+def too_much(partners: Partners, look: ContactResponse, free: np.ndarray, impulse: np.ndarray,
+             normal: np.ndarray, out: np.ndarray, mass: np.ndarray, gain: float) -> np.ndarray:
+    """
+    Find the contacts of islands that gain energy.
+
+    :param impulse: on the trees [N·s], (C, 3).
+    :param normal: (C, 3).
+    :param out: speed at which overlaps are undone [m/s], (C,).
+    :param mass: of the trees at each contact [kg], (C,).
+    :param gain: speed that weight gives in the step [m/s].
+    :returns: (C,) bool.
+    """
+    share = look.old_share[:, None]
+    mean = share * look.before + (1.0 - share) * look.velocity
+    way = slips(partners._replace(motion=0.5 * (free + partners.motion)), mean)
+    work = (impulse * way).sum(axis=1)
+    if not (work > _ROUNDING * mass).any():
+        return np.zeros(len(work), bool)
+    island = islands(partners, look.place, len(look.velocity))
+    total = np.bincount(island, work)
+    lifted = np.bincount(island, np.maximum((impulse * normal).sum(axis=1), 0.0) * out)
+    heaviest, fastest = np.zeros(len(total)), np.zeros(len(total))
+    np.maximum.at(heaviest, island, mass)
+    np.maximum.at(fastest, island, out)
+    loose, row = np.unique(partners.body, return_index=True)
+    loose, row = loose[loose >= 0], row[loose >= 0]
+    inverse = partners.inverse_mass[loose]
+    yields = inverse > 0.0
+    np.add.at(heaviest, island[row[yields]], 1.0 / inverse[yields])
+    allowed = np.minimum(lifted, heaviest * fastest * (0.5 * fastest + gain))
+    slack = _ROUNDING * heaviest + _SOLVED * np.bincount(island, np.abs(work))
+    return (total > allowed + slack)[island]
+
+
+def break_out(model: Model, state: State, contacts: TreeContacts, dt: float) -> bool:
+    """
+    Break bricks out where branches strike harder than their bonds withstand.
+
+    The branch receives the impulse that the bonds carried until they broke; after that only the
+    bricks resist, which it meets at rest.
+
+    :param contacts: of all trees in the step.
+    :param dt: [s].
+    :returns: whether any brick came out.
+    """
+    stops = contacts.speed / contacts.change  # the rest carries the pressing force
+    mass = norm(contacts.impulse, axis=1) / contacts.change
+    force = contacts.impulse * (stops / contact_time(mass) + (1.0 - stops) / dt)[:, None]
+    parts, (pushes, impulses, masses) = _per_part(
+        contacts.part, force, stops[:, None] * contacts.impulse,
+        np.where(stops > 0.0, mass, 0.0)[:, None])
+    broke = False
+    for part, push, impulse, stopped in zip(parts, pushes, impulses, masses):
+        size, momentum = float(norm(push)), float(norm(impulse))
+        if size < _HEAVY or momentum == 0.0 or not state.standing[part]:
+            continue
+        blow = masonry.Strike(-impulse / momentum, size, float(stopped[0]), momentum)
+        out = masonry.drive_out(state, np.array([part]), blow)
+        if out is None:
+            continue
+        own = contacts.part == part
+        share = contacts.impulse[own] * stops[own, None] * (out.passed_on / momentum)
+        state.forest.push(contacts.row[own], contacts.point[own], share)
+        masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
+                                     out.passed_on * blow.direction, momentum / blow.mass)
+        breaking.release(model, state, out.pieces, np.zeros((len(out.parts), 6)), Cause.IMPACT,
+                         out.load)
+        broke = True
+    return broke
+
+
+def press_walls(model: Model, state: State, dt: float) -> None:
+    """
+    Apply the loads of branches to standing bricks; writes `state.branch_loads`, loads.
+
+    A lasting force of a branch is a load that lasts as long. Its excess is a blow: a wall responds
+    to the impulses within one period as to one, over any number of steps.
+    """
+    own, contacts = state.branch_loads, state.contacts
+    if not (len(contacts) or len(own.parts)):
+        return
+    chosen, (total,) = _per_part(contacts.part, masonry.about_centres(
+        state, contacts.part, contacts.point, contacts.impulse))
+    if not len(chosen) and not len(own.parts):
+        return
+    before, standing = len(own.parts), state.standing
+    both, place = np.unique(np.concatenate([own.parts, chosen]), return_inverse=True)
+    mean, blow, now = np.zeros((3, len(both), 6))
+    mean[place[:before]], blow[place[:before]] = own.mean, own.blow
+    now[place[before:]] = -total / dt
+    beyond = now - mean
+    blow = exp(-masonry.WALL_RATE * dt) * blow + dt * beyond
+    beats = masonry.WALL_RATE * norm(blow[:, :3], axis=1)
+    struck = beats > np.maximum(_HEAVY, norm(mean[:, :3], axis=1))
+    struck &= now.any(axis=1) & standing[both]
+    if struck.any():
+        speed = np.zeros(len(state.parts.owner))
+        on_brick = contacts.part >= 0
+        np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
+        masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
+    mean -= expm1(-dt / SMOOTHING) * beyond
+    felt = (norm(mean[:, :3], axis=1) > _LEAST) | (beats > _LEAST)
+    own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
+    own.since += dt
+    if own.since > DEBRIS_INTERVAL - 1e-9 or not len(own.parts):
+        own.since = 0.0
+        _hand_over(state, standing)
+
+
+def _hand_over(state: State, standing: np.ndarray) -> None:
+    """Apply the lasting loads to the walls if they have changed."""
+    own = state.branch_loads
+    heavy = standing[own.parts] & (norm(own.mean[:, :3], axis=1) > _HEAVY)
+    parts, mean = own.parts[heavy], own.mean[heavy]
+    now, none = dict(zip(parts.tolist(), mean)), np.zeros(6)
+    both = np.array(sorted(now.keys() | own.given.keys()), np.intp)
+    change = [now.get(part, none) - own.given.get(part, none) for part in both.tolist()]
+    if _largest(state, both, change) > _CHANGE * _largest(state, parts, mean):
+        own.given = now
+        state.loads.set_layer(_LAYER, parts, mean)
+
+
+def _largest(state: State, parts: np.ndarray, wrenches: Sequence[np.ndarray]) -> float:
+    """Return the largest force on a part, or moment over its reach [N]."""
+    force, moment = np.split(np.reshape(wrenches, (-1, 6)), 2, axis=1)
+    lever = state.solver.graph.reach[parts]
+    return float(max(norm(force, axis=1).max(initial=0.0),
+                     (norm(moment, axis=1) / lever).max(initial=0.0)))
+
+
+def _per_part(parts: np.ndarray,
+              *columns: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Sum up columns of contacts, (C, n) each, per brick."""
+    on_brick = parts >= 0
+    chosen, place = np.unique(parts[on_brick], return_inverse=True)
+    sums = [np.zeros((len(chosen), column.shape[1])) for column in columns]
+    for total, column in zip(sums, columns):
+        np.add.at(total, place, column[on_brick])
+    return chosen, sums
 
 
 def step(model: Model, state: State, dt: float) -> None:
@@ -60,7 +213,7 @@ def step(model: Model, state: State, dt: float) -> None:
     their contact. Writes `state.contacts`, the momentum of trees and bodies, and loads on walls.
     """
     state.contacts = _solve_all(model, state, dt)
-    branch_loads.update(model, state, dt)
+    press_walls(model, state, dt)
 
 
 def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
@@ -122,7 +275,7 @@ def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     woken = ids[(bodies.state[ids] == BodyState.RESTING)
                 & ((total * total).sum(axis=1) > np.square(_WAKE * bodies.mass[ids]))]
     state.world.thaw(woken)
-    broke = branch_loads.break_out(model, state, contacts, dt)
+    broke = break_out(model, state, contacts, dt)
     return broke or len(woken) > 0
 
 
@@ -240,8 +393,8 @@ class _Problem:
             self._look_again(np.isin(tree, tree[touched[touched >= 0]]))
 
     def _gives(self, out: np.ndarray, gain: float) -> np.ndarray:
-        return contact_work.too_much(self._partners, self.look, self.free, self.impulse,
-                                     self._pairs.normal, out, self._mass, gain)
+        return too_much(self._partners, self.look, self.free, self.impulse,
+                        self._pairs.normal, out, self._mass, gain)
 
 
 @kernel

@@ -12,8 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Fragments: rigid bodies made of parts."""
+"""Fragments: rigid bodies made of parts, and the wind on them."""
 
 from collections.abc import Sequence
 
@@ -42,6 +41,8 @@ from procphys_ros.simulation.state import State
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
 _NEGLIGIBLE = 0.05  # [m/s²] drag that does not justify setting a velocity, 0.5 % of gravity
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
+_WIND_INTERVAL = 0.1  # [s] between checks
+_FASTEST = 120.0  # [m/s] above any wind
 
 
 def make_body(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
@@ -188,3 +189,38 @@ def _enter(state: State, body: int, parts: np.ndarray, local: np.ndarray) -> Non
         known.size = np.concatenate([known.size, np.zeros(more, np.intp)])
     known.drag_area[body] = columns.drag_area[parts].sum()
     known.size[body] = len(parts)
+
+
+def wake_in_wind(model: Model, state: State, dt: float) -> None:
+    """Wake resting bodies that the wind can move; writes bodies."""
+    if int(state.time / _WIND_INTERVAL + 1e-6) == int((state.time + dt) / _WIND_INTERVAL + 1e-6):
+        return
+    bodies = state.world.bodies
+    resting = np.flatnonzero(bodies.state == BodyState.RESTING)
+    resting = resting[resting < len(state.bodies.drag_area)]
+    least = holding_wind(bodies.mass[resting] * model.gravity, bodies.friction[resting],
+                         bodies.bounds[resting], state.bodies.drag_area[resting])
+    light = least < _FASTEST
+    resting, least = resting[light], least[light]
+    if not len(resting):
+        return
+    air = state.wind.velocity(bodies.poses[resting, :3], state.time)
+    state.world.thaw(resting[norm(air, axis=1) > least])
+
+
+def holding_wind(weight: np.ndarray, friction: np.ndarray, bounds: np.ndarray,
+                 drag_area: np.ndarray) -> np.ndarray:
+    """
+    Return the wind speed at which bodies on level ground begin to slide or topple [m/s], (K,).
+
+    The drag ½ ρ Cd A v² acts at half the height, and the weight at the middle of the base.
+
+    :param weight: [N], (K,).
+    :param friction: Coulomb coefficient, (K,).
+    :param bounds: axis-aligned [m], (K, 6).
+    :param drag_area: Cd A [m²], (K,).
+    """
+    extent = bounds[:, 3:] - bounds[:, :3]
+    slender = extent[:, :2].min(axis=1) / np.maximum(extent[:, 2], 1e-9)
+    most = weight * np.minimum(friction, slender)
+    return np.sqrt(most / np.maximum(0.5 * AIR_DENSITY * drag_area, 1e-12))

@@ -12,11 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Impacts: break loose pieces again where contacts overload their bonds."""
+"""Impacts: break loose pieces again where contacts overload their bonds, at once or for long."""
 
 from collections.abc import Iterator
 from functools import cache, partial
+from itertools import pairwise
 from typing import cast
 
 import numpy as np
@@ -24,14 +24,15 @@ import numpy as np
 from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Breakage
-from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import (
-    breaking,
-    contact_exclusions,
-    fragments,
-    glass,
-    sustained_loads,
+from procphys_ros.physics.masonry.contact_forces import (
+    BodyContacts,
+    PieceBlow,
+    spread,
+    turned_back,
 )
+from procphys_ros.physics.world import BodyState
+from procphys_ros.physics.world.returned_impulses import Begun, give_back
+from procphys_ros.simulation import breaking, contact_exclusions, fragments, glass
 from procphys_ros.simulation.blows import (
     Blows,
     blows_of,
@@ -40,11 +41,18 @@ from procphys_ros.simulation.blows import (
     LEAST_JUMP,
     struck_bodies,
 )
-from procphys_ros.simulation.contact_forces import BodyContacts, PieceBlow, spread, turned_back
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.returned_impulses import Begun, give_back
 from procphys_ros.simulation.state import State
 
+_INTERVAL = 0.05  # [s] between samples of contacts: reading them is expensive
+_LONG = 1.5       # [m] radius of pieces that may break so: a piece that rests on its middle bears
+#                   3·ρ·g·l²/h, some 60 kPa per metre for l = h, and mortar 0.1 MPa and more
+_PRESSED = 1e5    # [N] sum of normal forces on a piece of any size, from below and above, from
+#                   which on it is judged: 5 t go through it
+_BORNE = 10.0     # of its own weight, likewise: less is little more than its weight
+_SHARE = 0.1      # of the weight of all moving bodies, likewise: few pieces can carry that much
+_SAMPLES = 5      # in a lasting mean: 0.25 s are some periods of a storey-high wall, and single
+#                   steps of the engine are noisy
 _SCREEN = 0.5       # of the strength of its weakest bond: smaller forces cannot break a piece
 _LEVER = 8.0 / 27.0  # of half the length of a free bar: largest moment over force, with the force
 #                     at its end; in the middle it is 1/4
@@ -62,6 +70,84 @@ _HUGE = 24.0       # ... and those above this, 10 at most, as finely as possible
 #                    are too stiff to show the damage by a blow on one of their corners
 
 
+def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
+                dt: float) -> list[PieceBlow]:
+    """
+    List the pieces that lasting contact forces, from below and above, might break.
+
+    A piece that a heap decelerates gradually was never hit, but may rest on a few points, and a
+    storey may come to rest on a few bricks. The mean of the contact forces on a piece is a blow
+    that lasts, and absorbs none of the motion: it is in balance with the weight and the inertia of
+    the moving parts.
+
+    Writes `state.rubble.borne`.
+
+    :param struck: bodies whose blows are judged separately, by id, (B,) bool.
+    :param grain: number of parts of the smallest pieces within the budget.
+    """
+    own, known = state.rubble, state.bodies
+    own.unsampled += dt
+    if own.unsampled < _INTERVAL - 1e-9:
+        return []
+    own.unsampled = 0.0
+    awake = state.world.awake[state.world.awake < len(known.size)]
+    large = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
+                  & (state.world.bodies.radius[awake] > _LONG)]
+    chosen = np.union1d(large, _pressed(model, state, awake, dt))
+    waits = {blow.body for blow in own.waiting}
+    samples, due = {}, []
+    for body, contacts in zip(chosen.tolist(), _contacts_of(state, chosen, dt)):
+        parts, before = own.borne.get(body, (None, ()))
+        if parts is not known.members[body]:
+            parts, before = known.members[body], ()
+        samples[body] = parts, (*before, contacts)[-_SAMPLES:]
+        if len(samples[body][1]) == _SAMPLES and body not in waits:
+            due.append(PieceBlow(body, parts, _mean(samples.pop(body)[1]), np.inf,
+                                 np.zeros(0, int)))
+    own.borne = samples
+    return due
+
+
+def _pressed(model: Model, state: State, awake: np.ndarray, dt: float) -> np.ndarray:
+    """
+    List the pieces that carry far more than their own weight, however small they are.
+
+    A heavily loaded piece jitters, and counts as struck in most steps: that must not delay it.
+    """
+    weight = state.world.bodies.mass[awake] * model.gravity
+    if 2.0 * weight.sum() < _PRESSED:
+        return awake[:0]  # the moving bodies are too light
+    contacts, several = state.world.contacts(), state.bodies.size[awake] > 1
+    force = np.zeros(len(state.world.bodies.state))
+    for side in (contacts.body_a, contacts.body_b):
+        force += np.bincount(side, np.abs(contacts.normal_impulse) / dt, len(force))
+    least = max(_PRESSED, _SHARE * weight.sum())
+    bears = force[awake] > np.maximum(_BORNE * weight, least)
+    return awake[several & bears]
+
+
+def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContacts]:
+    """Return the contact forces of the last step on each of some bodies, in its own frame."""
+    if not len(chosen):
+        return []
+    contacts, start = state.world.contacts().both_ways(), state.rubble.poses
+    index = np.full(len(start), -1)
+    index[chosen] = np.arange(len(chosen))
+    owner = index[contacts.body_a]
+    rows = np.argsort(owner, kind='stable')[np.count_nonzero(owner < 0):]
+    ends = np.searchsorted(owner[rows], np.arange(len(chosen) + 1))
+    frame = start[contacts.body_a[rows]]
+    columns = (*turned_back(frame, contacts.point[rows] - frame[:, :3], contacts.normal[rows],
+                            contacts.impulse[rows] / dt), contacts.body_b[rows])
+    return [BodyContacts(*(c[low:high] for c in columns)) for low, high in pairwise(ends)]
+
+
+def _mean(samples: tuple[BodyContacts, ...]) -> BodyContacts:
+    """Return contacts with the mean of the forces of all samples."""
+    points, normals, forces, other = (np.concatenate(column) for column in zip(*samples))
+    return BodyContacts(points, normals, forces / len(samples), other)
+
+
 def step(model: Model, state: State, dt: float) -> None:
     """
     Break the pieces that the contacts of the engine's step overloaded.
@@ -76,7 +162,7 @@ def step(model: Model, state: State, dt: float) -> None:
     begun, fall = Begun(state.rubble.poses, state.rubble.velocities), model.gravity * dt
     change = change_by_contacts(state.world, *begun, fall)
     struck = struck_bodies(state.world, change)
-    state.rubble.waiting += sustained_loads.overloading(model, state, struck, _grain(state), dt)
+    state.rubble.waiting += overloading(model, state, struck, _grain(state), dt)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
     share = np.ones(len(struck))
@@ -264,7 +350,7 @@ def _cells(blows: list[PieceBlow], room: int, grain: float) -> list[int]:
     """
     Return the number of cells of each piece; below 2 it is not broken.
 
-    Small pieces under lasting forces are heavily loaded, see `sustained_loads`: they break
+    Small pieces under lasting forces are heavily loaded, see `overloading`: they break
     beyond the budget.
 
     :param blows: the hardest first.

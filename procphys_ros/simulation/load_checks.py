@@ -30,7 +30,7 @@ from procphys_ros.physics.touch import overlap_box, overlaps, piece_bounds
 from procphys_ros.physics.trees import Anchors
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.placement import FOOTING
-from procphys_ros.simulation.holds import REACH
+from procphys_ros.simulation.obstacles import REACH
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 

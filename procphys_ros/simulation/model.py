@@ -35,11 +35,9 @@ from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
 from procphys_ros.scene.shards import Shard
-from procphys_ros.simulation import holds
+from procphys_ros.simulation import obstacles
 from procphys_ros.simulation.contact_pairs import survey, survey_crowns
-from procphys_ros.simulation.holds import Climbers
-from procphys_ros.simulation.obstacles import Bricks
-from procphys_ros.simulation.shelter import find_shelter
+from procphys_ros.simulation.obstacles import Bricks, Climbers, find_shelter
 from procphys_ros.simulation.spawned_parts import SHARD
 
 _JOINT = 0.01        # [m] mortar between parts whose faces count as one wall
@@ -230,7 +228,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     masonry = _masonry(blueprint, BondGraph(blueprint) if graph is None else graph)
     loaded = len(blueprint) if loaded is None else loaded
     trees = _trees(blueprint, settings, masonry.bricks,
-                   holds.find(blueprint, objects, masonry.bricks, loaded))
+                   obstacles.find_holds(blueprint, objects, masonry.bricks, loaded))
     loose_bonds = FreeBodies(blueprint, every)
     mortar = blueprint.bond_law == Law.MORTAR
     wind = copy(wind) if wind else Wind(
@@ -265,7 +263,7 @@ def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks,
     joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
     crowns = survey_crowns(forest, sizes) if settings.trees.contact else None
     return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack,
-                     crowns, holds.place(forest, anchors, row))
+                     crowns, obstacles.place_holds(forest, anchors, row))
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:

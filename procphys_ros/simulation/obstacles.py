@@ -12,19 +12,31 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+Obstacles: what branches, climbing plants and the wind find in their way.
 
-"""Obstacles: boxes and capsules that branches may collide with."""
+Each segment that clings (`Hinges.cling`) holds on to the nearest part of another object that
+reaches to within `REACH` of its middle: a brick or beam of a wall, or a branch that is no climber.
+"""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.blueprint import Blueprint, Law, Shape
+from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
+from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlaps, piece_bounds
+from procphys_ros.physics.trees import Anchors, Forest
+from procphys_ros.physics.wind import Shelter
 from procphys_ros.physics.world import BodyState, expand, World
+from procphys_ros.scene import SceneObject
 
 _CELL = 2.0  # [m] edge of the cells of bricks
+REACH = 0.1  # [m] from the middle of a segment to the surface that holds it
 
 
 class Obstacles(NamedTuple):
@@ -158,3 +170,123 @@ def meets_trees(world: World) -> np.ndarray:
     state = world.bodies.state
     return np.flatnonzero((state == BodyState.AWAKE) | (state == BodyState.KINEMATIC)
                           | (state == BodyState.RESTING))
+
+
+@dataclass(frozen=True)
+class Climbers:
+    """
+    Anchors of climbing plants.
+
+    :ivar anchors: pairs of held and holding parts, and their strengths.
+    :ivar row: held row of the forest, (K,).
+    :ivar host_row: holding row of the forest, -1 for a wall, (K,).
+    :ivar place: of the middle of the segment at rest [m], world, or in the axes of a host branch,
+        from its centre of mass, (K, 3).
+    """
+
+    anchors: Anchors
+    row: np.ndarray
+    host_row: np.ndarray
+    place: np.ndarray
+
+
+def find_holds(blueprint: Blueprint, objects: Sequence[SceneObject], bricks: Bricks,
+               loaded: int) -> Anchors:
+    """
+    Find the anchors of climbing plants.
+
+    Plants that join a running scene are anchored to walls that exist already; they do not add
+    load to standing trees.
+
+    :param objects: owners of the parts, in part order.
+    :param bricks: all masonry.
+    :param loaded: number of parts at the start.
+    """
+    wood = np.flatnonzero(blueprint.bond_law == Law.HINGE)
+    child = blueprint.bonds[wood, 1]
+    strength = np.zeros(len(blueprint))
+    strength[child] = blueprint.hinges.cling
+    part = np.flatnonzero(strength > 0.0)
+    if not len(part):
+        return Anchors.none()
+    first = np.array([thing.first for thing in objects])
+    owner = np.searchsorted(first, np.arange(len(blueprint)), side='right') - 1
+    climbs = np.zeros(len(first), bool)
+    climbs[owner[part]] = True
+    branches = child[~climbs[owner[child]]]
+    chosen, host = _near(blueprint, part, np.concatenate([bricks.parts, branches]))
+    plant, branch = part[chosen], blueprint.shape[host] == Shape.CAPSULE
+    there = host < np.maximum(loaded, first[owner[plant]])
+    there[branch] &= (plant[branch] < loaded) & (host[branch] < loaded)
+    chosen, host = chosen[there], host[there]
+    far = _distance(blueprint, part[chosen], host)
+    order = np.lexsort((host, far, chosen))
+    order = order[far[order] < REACH]
+    nearest = order[np.unique(chosen[order], return_index=True)[1]]
+    return Anchors(part[chosen[nearest]], host[nearest], strength[part[chosen[nearest]]])
+
+
+def place_holds(forest: Forest, anchors: Anchors, row: np.ndarray) -> Climbers:
+    """
+    Record the positions of anchors.
+
+    :param forest: at rest.
+    :param row: of each part in the forest, -1 for none, (N,).
+    """
+    rows, hosts = row[anchors.part], row[anchors.host]
+    middle = forest.poses[rows, :3].copy()
+    wooden = np.flatnonzero(hosts >= 0)
+    pose = forest.poses[hosts[wooden]]
+    middle[wooden] = rotation.rotate(rotation.conjugate(pose[:, 3:]),
+                                     middle[wooden] - pose[:, :3])
+    return Climbers(anchors, rows, hosts, middle)
+
+
+def _near(blueprint: Blueprint, part: np.ndarray,
+          host: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pair segments, by their places in `part`, with parts of nearby bounds."""
+    point = blueprint.poses[part, :3]
+    bounds = piece_bounds(blueprint.shape[host], blueprint.poses[host], blueprint.solid_size(host),
+                          np.zeros((len(host), 6)), 0.0, 0.0)
+    chosen, near = overlaps(np.hstack([point - REACH, point + REACH]), bounds)
+    return chosen, host[near]
+
+
+def _distance(blueprint: Blueprint, part: np.ndarray, host: np.ndarray) -> np.ndarray:
+    """Return the distances of the middles of segments from the surfaces of parts [m], (K,)."""
+    pose, half = blueprint.poses[host], 0.5 * blueprint.solid_size(host)
+    local = rotation.rotate(rotation.conjugate(pose[:, 3:]),
+                            blueprint.poses[part, :3] - pose[:, :3])
+    round_ = blueprint.shape[host] == Shape.CAPSULE
+    radius = np.where(round_, half[:, 0], 0.0)
+    core = np.where(round_[:, None], [0.0, 0.0, 1.0], 1.0) * (half - radius[:, None])
+    return norm(local - np.clip(local, -core, core), axis=1) - radius
+
+
+def find_shelter(blueprint: Blueprint, objects: Sequence[SceneObject],
+                 masonry: np.ndarray, terrain: Terrain = FLAT) -> Shelter:
+    """
+    Measure the sizes of trees and buildings.
+
+    :param blueprint: all parts.
+    :param objects: owners of the parts; each is one tree (or bush) or one building.
+    :param masonry: whether each part is in a building, (N,) bool.
+    :param terrain: the surface of the ground; heights are above it.
+    """
+    trees, buildings = [], []
+    axes = np.abs(rotation.to_matrix(blueprint.poses[:, 3:]))
+    reach = 0.5 * np.einsum('nij,nj->ni', axes, blueprint.visual_size)
+    low, high = blueprint.poses[:, :3] - reach, blueprint.poses[:, :3] + reach
+    high[:, 2] -= terrain.height(blueprint.poses)
+    for own in objects:
+        parts = slice(own.first, own.first + own.count)
+        area, built = blueprint.leaf_area[parts], masonry[parts]
+        if area.sum() > 0.0:
+            leafy = area > 0.0
+            middle = np.average(blueprint.poses[parts, :2], axis=0, weights=area)
+            away = norm(blueprint.poses[parts, :2][leafy] - middle, axis=1)
+            trees.append([*middle, high[parts, 2][leafy].max(), away.max(), area.sum()])
+        elif built.any():
+            buildings.append([*low[parts, :2][built].min(axis=0),
+                              *high[parts][built].max(axis=0)])
+    return Shelter(np.array(trees).reshape(-1, 5), np.array(buildings).reshape(-1, 5))

@@ -207,7 +207,7 @@ def _hit_tree(state: State, missile: Missile, hits: Hits, velocity: np.ndarray,
     Reflect the projectile at the position of the branch at the end of the step.
 
     A joint that an impulse moves off its limit responds differently than before: where that would
-    create energy (see `contact_work`), the blow is weaker.
+    create energy (see `contact.too_much`), the blow is weaker.
     """
     forest, row = state.forest, hits.index[:1]
     point, normal = hits.point[0], hits.normal[0]

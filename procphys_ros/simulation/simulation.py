@@ -27,13 +27,12 @@ from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import short
-from procphys_ros.simulation import additions, commands, load_checks, series, snapshot
+from procphys_ros.simulation import additions, commands, load_checks, readings, snapshot
 from procphys_ros.simulation.at_rest import at_rest
+from procphys_ros.simulation.commands import checked_count
 from procphys_ros.simulation.model import compile_model
-from procphys_ros.simulation.readings import Readings
-from procphys_ros.simulation.series import Series
+from procphys_ros.simulation.readings import Readings, Series
 from procphys_ros.simulation.stages import STAGES
-from procphys_ros.simulation.validation import checked_count
 
 
 class Simulation(Readings):
@@ -219,7 +218,7 @@ class Simulation(Readings):
         :returns: a row after each `every` steps.
         :raises CommandError: if a part is unknown, a number is invalid, or memory is too small.
         """
-        return series.record(self, self.step, steps, parts, every)
+        return readings.record_series(self, self.step, steps, parts, every)
 
     def apply(self, command: Any) -> Any:
         """

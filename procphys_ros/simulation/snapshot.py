@@ -31,12 +31,12 @@ import numpy as np
 from procphys_ros import __version__
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.errors import SceneError, SnapshotError
+from procphys_ros.files.archive import pack, unpack
+from procphys_ros.files.records import check_alike, Form, Reader, Writer
 from procphys_ros.physics.world import World
 from procphys_ros.scene import SceneObject
-from procphys_ros.simulation.archive import pack, unpack
 from procphys_ros.simulation.events import EVENT
 from procphys_ros.simulation.model import compile_model, Model
-from procphys_ros.simulation.records import check_alike, Form, Reader, Writer
 from procphys_ros.simulation.state import State
 
 _PACKAGE = 'procphys_ros.'

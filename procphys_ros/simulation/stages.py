@@ -23,23 +23,17 @@ from typing import NamedTuple
 from procphys_ros.compilation.threads import beside
 from procphys_ros.simulation import (
     blasts,
-    climbers,
+    charges,
     commands,
     contact,
-    cues,
-    debris_loads,
-    demolition,
-    detached_branches,
-    dust,
-    foliage,
     fragments,
     impacts,
     intruder,
     masonry,
+    particles,
     projectiles,
-    rubble_wind,
     trees,
-    wall_wind,
+    wall_loads,
     yielding,
 )
 from procphys_ros.simulation.model import Model
@@ -65,8 +59,8 @@ def apply_loads(model: Model, state: State, dt: float) -> None:
 
 def move_in_air(model: Model, state: State, dt: float) -> None:
     """Move leaves and dust, which both sample the wind and the skyline; writes both."""
-    foliage.step(model, state, dt)
-    dust.drift(model, state, dt)
+    particles.step_leaves(model, state, dt)
+    particles.drift_dust(model, state, dt)
 
 
 def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
@@ -88,30 +82,30 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
 
 
 STAGES = (
-    Stage('cues', cues.step),
+    Stage('cues', commands.run_cues),
     Stage('commands', commands.apply_wrenches),
     Stage('intruder', intruder.advance),
-    Stage('charges', demolition.step),
+    Stage('charges', charges.step),
     Stage('blasts', blasts.step),
     Stage('projectiles', projectiles.step),
-    Stage('wall wind', wall_wind.step),
+    Stage('wall wind', wall_loads.press_wind),
     Stage('tree wind', trees.sample_wind),
     Stage('contact', contact.step),
     Stage('waking', trees.wake_touched),
     Stage('trees', trees.step),
-    Stage('climbers', climbers.step),
-    Stage('branches', detached_branches.step),
+    Stage('climbers', trees.step_climbers),
+    Stage('branches', trees.step_joints),
     Stage('loads', apply_loads),
     Stage('tree poses', trees.write_poses),
-    Stage('rubble wind', rubble_wind.step),
+    Stage('rubble wind', fragments.wake_in_wind),
     Stage('drag', fragments.apply_drag),
-    Stage('dust sources', dust.watch),
+    Stage('dust sources', particles.watch_dust),
     Stage('engine', step_rigid_bodies),
     Stage('bounces', projectiles.take_back),
     Stage('intruder wrench', intruder.sum_wrench),
     Stage('body poses', fragments.write_poses),
-    Stage('debris', debris_loads.update),
+    Stage('debris', wall_loads.press_debris),
     Stage('impacts', impacts.step),
     Stage('stress', masonry.judge_stresses),
-    Stage('dust', dust.step),
+    Stage('dust', particles.step_dust),
 )

@@ -26,22 +26,27 @@ from procphys_ros.physics.dust import DustCloud
 from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.physics.loads import WallPressure
 from procphys_ros.physics.masonry import Fracture, FreeBodies, StressSolver
+from procphys_ros.physics.masonry.contact_forces import BodyContacts, PieceBlow
+from procphys_ros.physics.masonry.standing_loads import StandingLoads
 from procphys_ros.physics.skyline import OPEN, Skyline
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import World
+from procphys_ros.physics.world.kinematic import PoseInterpolator
 from procphys_ros.scene import SceneObject
-from procphys_ros.simulation.contact_forces import BodyContacts, PieceBlow
 from procphys_ros.simulation.contact_pairs import TreeBounds, TreeContacts
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import MomentumLedger
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.naming import PartNames
-from procphys_ros.simulation.observer import Observer
-from procphys_ros.simulation.parts import Columns, columns_of, Owner, part_columns, RigidBodyMap
-from procphys_ros.simulation.pose_interpolator import PoseInterpolator
-from procphys_ros.simulation.standing_loads import StandingLoads
-from procphys_ros.simulation.tree_lod import LodScheduler
+from procphys_ros.simulation.parts import (
+    Columns,
+    columns_of,
+    Owner,
+    part_columns,
+    PartNames,
+    RigidBodyMap,
+)
+from procphys_ros.simulation.tree_lod import LodScheduler, Observer
 
 _FALL_SEED, _DUST_SEED = 103, 104  # separate random streams that share the scene's seed
 
@@ -143,7 +148,7 @@ class BlastState:
 @dataclass
 class WallWindState:
     """
-    Wind pressure on standing walls; see `wall_wind`.
+    Wind pressure on standing walls; see `wall_loads`.
 
     :ivar next_look: time of the next update [s].
     :ivar parts: boxes that stood at the last survey of faces, (K,).

@@ -12,17 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Level of detail of trees: which are stepped now, and how far, given who looks from where."""
+
+import math
 
 import numpy as np
 
+from procphys_ros.elementary import atan, cos, sin, tan
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.trees.state import TraversalPlan
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene.culling import CullingSettings
-from procphys_ros.simulation.observer import Observer
 
+_STRAIGHT = 0.5 * math.pi  # [rad] widest half angle that planes can bound
 REST_ENERGY = 5e-7  # [J/kg] of a tree that counts as quiet: 1 mm/s of its whole mass
 REST_TIME = 2.0     # [s] of quiet before rest, half a period of the slowest trees
 BREEZE = 0.2        # [m/s] wind that moves a tree less than this counts as still
@@ -31,6 +35,57 @@ ROUSED = 10.0       # [s] that an unseen tree is simulated after a hit, at most
 _SWAY = 1.15        # margin for sway in the bounding spheres of trees
 _EDGES = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0],
                    [0.0, -1.0, 0.0]])  # of a sphere, where the wind at a sleeping tree is sampled
+
+
+class Observer:
+    """
+    A camera that looks along the x axis of its pose, z up (REP 103).
+
+    :param settings: view angle and range.
+    :param position: [m], (3,), world.
+    :param orientation: unit quaternion xyzw, (4,), world.
+    """
+
+    def __init__(self, settings: CullingSettings, position: np.ndarray, orientation: np.ndarray):
+        self.position = position
+        self._reach = settings.distance
+        self._normals = np.zeros((0, 3))
+        if settings.frustum:
+            inward = _planes(settings)
+            self._normals = rotation.rotate(np.tile(orientation, (len(inward), 1)), inward)
+
+    def distance(self, centres: np.ndarray) -> np.ndarray:
+        """Return the distances of points from the camera [m], (K,)."""
+        return norm(centres - self.position, axis=1)
+
+    def sees(self, centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        """
+        Return which spheres reach into the view, according to its planes and its range.
+
+        A sphere near an edge of the view may count as seen though it just misses it, never the
+        other way round.
+
+        :param centres: [m], (K, 3), world.
+        :param radii: [m], (K,).
+        :returns: (K,) bool.
+        """
+        away = centres - self.position
+        seen = np.ones(len(centres), bool)
+        for normal in self._normals:
+            seen &= product(away, normal) >= -radii
+        if self._reach > 0.0:
+            seen &= np.einsum('ki,ki->k', away, away) <= np.square(self._reach + radii)
+        return seen
+
+
+def _planes(settings: CullingSettings) -> np.ndarray:
+    """Return inward normals of the planes through the eye: sides, top, bottom, behind, (5, 3)."""
+    half = 0.5 * settings.field_of_view
+    up = min(half + settings.widening, _STRAIGHT)
+    side = min(atan(settings.aspect * tan(half)) + settings.widening, _STRAIGHT)
+    return np.array([[sin(side), cos(side), 0.0], [sin(side), -cos(side), 0.0],
+                     [sin(up), 0.0, cos(up)], [sin(up), 0.0, -cos(up)],
+                     [1.0, 0.0, 0.0]])
 
 
 class LodScheduler:

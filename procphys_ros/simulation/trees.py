@@ -12,19 +12,40 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+Trees: the air they feel, their step, joints that break, and plants that lose their holds.
 
-"""Trees: the air they feel, their step, and where their segments are."""
+Large pieces that come off stay flexible while they fall. What climbing plants hold on to is found
+when a scene is compiled (`obstacles`). Walls feel their pull as a load, trees as impulses.
+"""
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cos
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
+from procphys_ros.physics.terrain import height_at
+from procphys_ros.physics.trees import anchors, carried_rows, CAUSES, Forest
 from procphys_ros.physics.trees.subset import write_between
 from procphys_ros.physics.world import BodyState
+from procphys_ros.simulation import breaking, contact_exclusions
 from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
 
 _BLEND = 2.0  # [s] in which a tree that comes back into view changes over to the present wind
+SMALLEST = 8     # segments; smaller pieces bend too little to be seen
+MOST = 16        # at a time; each costs about as much as a standing tree while it touches nothing,
+#                  and up to a millisecond per step while it lies on many contacts
+_SLOW = 0.25     # [m/s] largest speed of a segment at rest
+_CALM = 0.5      # [s] at rest, after which a branch counts as lying
+_LOW = 0.3       # [m] height of the lowest segment of a branch that has come down
+_DOWN = 1.0      # [s] until a fallen branch becomes rigid: after impact and springback
+_LONGEST = 8.0   # [s] from coming off, after which a branch becomes rigid anyway
+_HOLD_CHANGE = 0.25  # of the largest load: smaller changes need no new stresses
+_HOLD_LEAST = 50.0   # [N] likewise
+_HOLD_LAYER = 'climbers'
 
 
 def sample_wind(model: Model, state: State, dt: float) -> None:
@@ -132,3 +153,208 @@ def _scatter(parts, active, rows, out):
     for i in range(len(parts)):
         if active[i]:
             out[parts[i]] = rows[i]
+
+
+def step_joints(model: Model, state: State, dt: float) -> None:
+    """
+    Make lying branches rigid, and break the joints that the last step of the trees overloaded.
+
+    On each root-to-tip path of a tree or branch the most overloaded joint breaks first; the joints
+    above and below it are judged again in the next step, without the load that broke it. Writes
+    the forest and `state.excluded`, and releases small pieces. Poses, momentum and angular
+    momentum are kept.
+    """
+    make_rigid(model, state, dt)
+    _break_joints(model, state)
+    contact_exclusions.update(model, state)
+
+
+def _break_joints(model: Model, state: State) -> None:
+    forest = state.forest
+    rows, causes, loads, bonds = forest.overloaded()
+    if not len(rows):
+        return
+    over = loads / model.trees.capacity[rows, np.searchsorted(CAUSES, causes)]
+    roots = forest.roots(rows)
+    chosen: list[int] = []
+    for i in np.argsort(-over, kind='stable'):
+        if not any(roots[i] == roots[j] and _share_path(forest.ends, rows[i], rows[j])
+                   for j in chosen):
+            chosen.append(int(i))
+    breaking.break_bonds(model, state, bonds[chosen], causes[chosen], over[chosen])
+    rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
+    _release(model, state, rigid)
+
+
+def make_rigid(model: Model, state: State, dt: float) -> None:
+    """
+    Turn branches that are small, lie still or came down a while ago into rigid fragments.
+
+    Branches that hold climbers stay flexible.
+
+    Writes the clocks in `state.trees`, and releases.
+    """
+    forest, trees = state.forest, state.trees
+    roots = forest.free_roots
+    if not len(roots) and not trees.age:
+        return
+    size, speed, height, clings = _survey(
+        roots, forest.ends, forest.active, forest.parents, forest.poses, forest.velocities,
+        forest.anchors[:, anchors.STIFFNESS], model.terrain)
+    ids = roots.tolist()
+    trees.age = {r: trees.age.get(r, 0.0) + dt for r in ids}
+    trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if lies else 0.0
+                   for r, lies in zip(ids, (speed < _SLOW).tolist())}
+    trees.down = {r: trees.down.get(r, 0.0) + (dt if low else 0.0)
+                  for r, low in zip(ids, (height < _LOW).tolist())}
+    _release(model, state, [root for place, root in enumerate(ids) if not clings[place] and (
+        size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
+        or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9)])
+
+
+@kernel
+def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
+    """
+    Measure falling branches.
+
+    :param roots: first row of each, (R,); the other columns are those of the forest.
+    :returns: segments of each; largest part of a velocity [m/s]; height of the lowest middle over
+        the ground [m]; whether any is anchored; (R,) each.
+    """
+    size, speed = np.zeros(len(roots), np.int64), np.zeros(len(roots))
+    height, clings = np.full(len(roots), np.inf), np.zeros(len(roots), np.bool_)
+    for n in range(len(roots)):
+        rows = carried_rows(roots[n], ends[roots[n]], active, parents)
+        size[n] = len(rows)
+        for i in rows:
+            clings[n] |= anchored[i] != 0.0
+            height[n] = min(height[n],
+                            poses[i, 2] - height_at(terrain, poses[i, 0], poses[i, 1]))
+            for c in range(3):
+                speed[n] = max(speed[n], abs(velocities[i, c]))
+    return size, speed, height, clings
+
+
+def _release(model: Model, state: State, rows: list[int]) -> None:
+    """Make one rigid body of each branch, given their first rows in the forest."""
+    pieces, velocities = [], [np.zeros((0, 6))]
+    for row in rows:
+        contact_exclusions.add_branch(state, row, model.trees.sizes)
+        own, poses, moving = state.forest.detach(row)
+        pieces.append(state.forest.parts[own])
+        state.parts.poses[pieces[-1]] = poses  # the shown pose may lie between two steps
+        velocities.append(moving)
+    breaking.release(model, state, pieces, np.concatenate(velocities))
+
+
+def _stays_flexible(model: Model, state: State, row: int) -> bool:
+    """Detach a branch as a tree with a free root if worth its cost; return whether it is."""
+    forest = state.forest
+    rows = forest.subtree(row)
+    if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):
+        return False
+    contact_exclusions.add_branch(state, row, model.trees.sizes)
+    forest.release(row)
+    return True
+
+
+def _clings(forest: Forest, rows: np.ndarray) -> bool:
+    return bool(forest.anchors[rows, anchors.STIFFNESS].any())
+
+
+def _share_path(ends: np.ndarray, row: int, other: int) -> bool:
+    return row <= other < ends[row] or other <= row < ends[other]
+
+
+def step_climbers(model: Model, state: State, dt: float) -> None:
+    """
+    Release overloaded anchors and those without a host; apply the pull of the others.
+
+    Writes anchors and impulses of the forest, `state.climbers`, break events and loads on walls.
+    """
+    own = state.climbers
+    if not own.holds.any():
+        return
+    _let_go(model, state)
+    _follow_trees(model, state, dt)
+    load_climbed_walls(model, state)
+
+
+def load_climbed_walls(model: Model, state: State) -> None:
+    """Apply the pull of climbing plants to walls if it has changed much."""
+    climbers, own = model.trees.climbers, state.climbers
+    chosen = np.flatnonzero(own.holds & (climbers.host_row < 0))
+    force = np.zeros((len(own.holds), 3))
+    force[chosen] = -_pulls(state.forest, climbers.row[chosen])
+    change = np.abs(force - own.given).max(initial=0.0)
+    known = max(_HOLD_CHANGE * np.abs(own.given).max(initial=0.0), _HOLD_LEAST)
+    if change <= known and not own.fresh:
+        return
+    own.given, own.fresh = force, False
+    host = climbers.anchors.host[chosen]
+    arm = climbers.place[chosen] - model.blueprint.poses[host, :3]
+    state.loads.set_layer(_HOLD_LAYER, host, np.hstack([force[chosen],
+                                                        np.cross(arm, force[chosen])]))
+
+
+def _let_go(model: Model, state: State) -> None:
+    climbers, own, parts = model.trees.climbers, state.climbers, state.parts
+    held = np.flatnonzero(own.holds)
+    row, host = climbers.row[held], climbers.anchors.host[held]
+    load = (norm(_pulls(state.forest, row), axis=1)
+            / climbers.anchors.strength[held])
+    wooden = climbers.host_row[held] >= 0
+    there = np.where(wooden, parts.owner[host] == Owner.TREE, parts.owner[host] == Owner.STANDING)
+    grows = parts.owner[climbers.anchors.part[held]] == Owner.TREE
+    loose = ~there | ~grows | (load > 1.0)
+    if not loose.any():
+        return
+    lost = held[loose]
+    own.fresh = True
+    breaking.break_holds(model, state, lost, np.maximum(load[loose], 1.0), grows[loose])
+
+
+def _follow_trees(model: Model, state: State, dt: float) -> None:
+    """Move anchors with the trees that hold them, and apply the pull to these trees."""
+    forest = state.forest
+    row, host, arm = _on_trees(model, state)
+    if not len(row):
+        return
+    place, velocity = forest.poses[host, :3] + arm, forest.velocities[host]
+    speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
+    felt = np.ones(len(row), bool)
+    if state.trees.lod is not None:  # a tree that stands still absorbs no impulse
+        felt = ~state.trees.lod.stand_still(forest, host)
+    forest.push(host[felt], place[felt], dt * pull[felt])
+    forest.anchors[row, anchors.TARGET:anchors.FORCE] = place + 0.5 * dt * speed
+
+
+def lean_climbers(model: Model, state: State) -> None:
+    """Move anchors with trees bent by a steady wind, and load these trees with the pull."""
+    forest = state.forest
+    row, host, arm = _on_trees(model, state)
+    forest.anchors[row, anchors.TARGET:anchors.FORCE] = forest.poses[host, :3] + arm
+    pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
+    forest.anchors[host] = forest.rest_anchors[host]
+    np.add.at(forest.anchors[:, anchors.FORCE:], host, pull)
+
+
+def end_climbers_lean(model: Model, state: State) -> None:
+    """Remove the loads of `lean` from trees; from now on every step applies them as impulses."""
+    host = _on_trees(model, state)[1]
+    state.forest.anchors[host] = state.forest.rest_anchors[host]
+
+
+def _on_trees(model: Model, state: State) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return rows held by trees, their hosts, and the arms from the hosts [m], (K, 3)."""
+    climbers, forest = model.trees.climbers, state.forest
+    chosen = np.flatnonzero(state.climbers.holds & (climbers.host_row >= 0))
+    host = climbers.host_row[chosen]
+    return (climbers.row[chosen], host,
+            rotation.rotate(forest.poses[host, 3:], climbers.place[chosen]))
+
+
+def _pulls(forest: Forest, rows: np.ndarray) -> np.ndarray:
+    """Return the forces of anchors on segments [N], (K, 3)."""
+    return anchors.forces(forest.anchors[rows], forest.poses[rows, :3])

@@ -23,12 +23,12 @@ from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import punched
 from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.physics.world.returned_impulses import Begun, give_back, group_bodies
 from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.blows import Blows, change_by_contacts, measure, struck_bodies
-from procphys_ros.simulation.debris_loads import part_of_body
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.returned_impulses import Begun, give_back, group_bodies
 from procphys_ros.simulation.state import State
+from procphys_ros.simulation.wall_loads import part_of_body
 
 _ALIKE = 0.7   # least cosine between blows that act together
 _FAINT = 1e-9  # [N·s] keeps directions finite

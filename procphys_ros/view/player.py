@@ -26,7 +26,7 @@ import numpy as np
 
 from procphys_ros.errors import ProcPhysError
 from procphys_ros.scene import Scene
-from procphys_ros.simulation import part_loads, Simulation
+from procphys_ros.simulation import readings, Simulation
 from procphys_ros.view.commands import (
     drop_clicks,
     Inspect,
@@ -204,7 +204,7 @@ class Player:
 
     def _inspect(self, command: Inspect) -> str:
         part = self.simulation.names.index(command.part)
-        return part_loads.describe(self.simulation.state, part)
+        return readings.describe_load(self.simulation.state, part)
 
     def _load(self, command: LoadScene) -> str:
         self._activity = f'loading {command.path.stem}'

@@ -12,22 +12,34 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""
+Particles: leaves and dust in the air, and the outline of what stands, on which they come down.
 
-"""Dust of a scene: it rises where mortar bursts and where masonry and missiles hit hard."""
+The mass of a leaf that falls stays with its branch: leaves are about 3 % of the mass of a tree
+and 7 % of that of the segments which carry them, while their share of the drag is most of it.
+"""
 
 from itertools import islice
 
 import numpy as np
 
+from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics import fracture_energy
+from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.dust import DustCloud, lost_energy
+from procphys_ros.physics.foliage import air_speeds, carried, Flutter
 from procphys_ros.physics.kinetic import motion_energy
+from procphys_ros.physics.skyline import Skyline
+from procphys_ros.physics.touch import piece_bounds
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import skyline
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 
+_PATIENCE = 0.25  # [s] that an outline stays in use while a building collapses
+_TURNS = 4  # steps between samples of the air for each flying leaf; it moves a metre meanwhile,
+#             far less than the size of the eddies that carry it
+_FLUTTER_SEED = 101  # separates random streams that share the scene's seed
 _HARD = 1.0  # [m/s] slower contacts make no dust; resting bodies emit none
 _FREE_LOSS = 0.02  # of its energy that a body may lose in a step without an impact
 _LARGE = 0.5  # [m] radius of bodies whose contact points are looked up, which is expensive
@@ -36,7 +48,115 @@ _JUMP = 0.5  # [m] displacement in a step, beyond twice its path, up to which a 
 _NOWHERE = np.zeros((0, 3)), np.zeros(0), np.zeros(0)
 
 
-def watch(model: Model, state: State, dt: float) -> None:
+def current_skyline(model: Model, state: State) -> Skyline:
+    """Return the present skyline; it is the same object while nothing has changed."""
+    own = state.skyline
+    if own.drawn is None or state.time > own.looked + _PATIENCE - 1e-9:
+        own.looked = state.time
+        standing = state.standing[:len(model.blueprint)]
+        if own.drawn is None or not np.array_equal(standing, own.standing):
+            own.standing, own.drawn = standing, _draw_skyline(model, np.flatnonzero(standing))
+    return own.drawn
+
+
+def _draw_skyline(model: Model, parts: np.ndarray) -> Skyline:
+    source = model.blueprint
+    return Skyline.over(piece_bounds(
+        source.shape[parts].astype(np.uint8), source.poses[parts], source.solid_size(parts),
+        np.zeros((len(parts), 6)), 0.0, 0.0), model.terrain)
+
+
+def step_leaves(model: Model, state: State, dt: float) -> None:
+    """
+    Tear off leaves in strong wind, and move those in flight.
+
+    Trees and flexible branches lose leaves; those of a rigid branch fall with it. Writes
+    `state.leaves`, the leaf area of the forest and the drag areas of parts.
+    """
+    if model.settings.leaves.shedding and state.wind.enabled and len(model.leaves.queue):
+        _tear_off(model, state)
+    if len(state.leaves.fallen):
+        _fly(model, state, dt)
+
+
+def make_flutter(model: Model) -> Flutter:
+    """Draw the random flutter of each leaf about its petiole."""
+    return Flutter(model.blueprint.leaves, (_FLUTTER_SEED << 64) + model.seed)
+
+
+def leaf_poses(model: Model, state: State, flutter: Flutter | None) -> np.ndarray:
+    """
+    Compute the pose of every leaf: on its branch and fluttering, in the air or on the ground.
+
+    :param flutter: from `make_flutter`; None = leaves do not flutter.
+    :returns: petiole poses, z along the leaf, world, (L, 7); NaN on parts that are gone.
+    """
+    leaves = model.leaves
+    frames = state.shown_poses()[leaves.carriers]
+    local = model.blueprint.leaves.pose
+    if flutter is not None and len(local):
+        exists = np.isfinite(frames).all(axis=1)
+        air = np.zeros((len(frames), 3))
+        air[exists] = state.wind.velocity(frames[exists, :3], state.time,
+                                          threads=model.threads)
+        air -= state.parts.velocities[leaves.carriers, :3]
+        local = flutter.poses(leaves.carrier, frames, air, state.time, model.threads)
+    out = carried(leaves.carrier, frames, local, model.threads)
+    out[state.leaves.fallen.leaf] = state.leaves.fallen.poses
+    return out
+
+
+def _fly(model: Model, state: State, dt: float) -> None:
+    own, below = state.leaves, current_skyline(model, state)
+    if own.skyline is not below:
+        own.skyline = below
+        own.fallen.lift(below)
+    flying = np.flatnonzero(own.fallen.flying)
+    if len(flying):
+        _sample_air(model, state, flying)
+        own.fallen.step(flying, own.felt[flying], dt, below, model.threads)
+
+
+def _sample_air(model: Model, state: State, flying: np.ndarray) -> None:
+    """Sample the air at a share of the leaves, in turn, and at those just torn off."""
+    own = state.leaves
+    fresh = len(own.fallen) - len(own.felt)
+    if fresh:
+        own.felt = np.concatenate([own.felt, np.full((fresh, 3), np.nan)])
+    own.turn = (own.turn + 1) % _TURNS
+    due = flying[(flying % _TURNS == own.turn) | np.isnan(own.felt[flying, 0])]
+    own.felt[due] = state.wind.velocity(own.fallen.poses[due, :3], state.time,
+                                        threads=model.threads)
+
+
+def _tear_off(model: Model, state: State) -> None:
+    own, leaves, forest = state.leaves, model.leaves, state.forest
+    air_speeds(state.trees.air, forest.velocities, forest.active, own.speed)
+    torn = []
+    rows = np.flatnonzero(own.speed > own.weakest)
+    while len(rows):  # the weakest leaf of every row that loses any, then the next weakest
+        torn.append(leaves.queue[own.next[rows]])
+        own.next[rows] += 1
+        own.weakest[rows] = leaves.queue_speed[own.next[rows]]
+        rows = rows[own.speed[rows] > own.weakest[rows]]
+    if torn:
+        _let_go(model, state, np.concatenate(torn))
+
+
+def _let_go(model: Model, state: State, leaf: np.ndarray) -> None:
+    own, leaves = state.leaves, model.blueprint.leaves
+    part = leaves.part[leaf]
+    own.attached[leaf] = False
+    own.fallen.let_go(leaf, rotation.compose(state.parts.poses[part], leaves.pose[leaf]),
+                      state.parts.velocities[part, :3], leaves.size[leaf])
+    np.subtract.at(own.left, part, model.leaves.area[leaf])
+    np.subtract.at(state.parts.drag_area, part, FOLIAGE_DRAG * model.leaves.area[leaf])
+    part = np.unique(part)
+    share = np.clip(own.left[part] / model.blueprint.leaf_area[part], 0.0, 1.0)
+    state.forest.keep_leaves(state.parts.row[part], share)
+
+
+def watch_dust(model: Model, state: State, dt: float) -> None:
     """
     Emit dust where projectiles struck masonry, and record the free motion of bodies.
 
@@ -60,20 +180,20 @@ def watch(model: Model, state: State, dt: float) -> None:
                      'radius': bodies.radius[ids], 'energy': energy, 'spared': spared[ids]}
 
 
-def drift(model: Model, state: State, dt: float) -> None:
+def drift_dust(model: Model, state: State, dt: float) -> None:
     """Move all dust; runs beside the engine's step, and writes `state.dust`."""
     own = state.dust
     if own.cloud is None:
         return
     if own.cloud.dusty:
-        below = skyline.current(model, state)
+        below = current_skyline(model, state)
         if own.skyline is not below:
             own.skyline = below
             own.cloud.lift(below)
     own.cloud.step(dt, lambda points: state.wind.velocity(points, state.time), own.skyline)
 
 
-def step(model: Model, state: State, dt: float) -> None:
+def step_dust(model: Model, state: State, dt: float) -> None:
     """Emit dust from the fractures and impacts of this step; writes `state.dust`."""
     own = state.dust
     if own.cloud is None:

@@ -1,0 +1,199 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Loads on standing walls that change while a scene runs: wind, and debris that rests on them."""
+
+import numpy as np
+
+from procphys_ros.blueprint import Shape
+from procphys_ros.elementary import exp, expm1
+from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
+from procphys_ros.physics.touch import overlaps
+from procphys_ros.physics.world import Contacts
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import State, WallWindState
+
+_WIND_INTERVAL = 0.25   # [s] between checks of the wind
+_BREEZE = 60.0          # [Pa] dynamic pressure, 10 m/s, that walls withstand without a check
+_WIND_CHANGE = 0.25     # of the dynamic pressure that was last applied
+_GONE = 0.02            # share of lost standing parts that requires a new survey of the faces
+_WIND_LAYER = 'wind'
+SMOOTHING = 0.1         # [s] over which impulses of moving bodies count as a steady load: about
+#                         two periods of a storey-high wall, which averages shorter ones
+DEBRIS_INTERVAL = 0.1   # [s] between updates of resting loads
+_DEBRIS_CHANGE = 0.05   # of the largest load: smaller changes need no new stresses, ...
+_LEAST = 100.0          # [N] ... nor do those far below the strength of a brick's joints, some kN
+_ROOM = 0.1             # [m] around bodies, more than they move in a contact
+DEBRIS_LAYER = 'debris'
+
+
+def press_wind(model: Model, state: State, dt: float) -> None:
+    """
+    Apply the pressure of the wind to buildings; writes `state.wall_wind` and loads.
+
+    Each building is loaded as a whole by the wind at its top (EN 1991-1-4, 7.2.2: the reference
+    height of walls no higher than wide; it overestimates the load of lower storeys of towers).
+    Eddies smaller than a building load parts of it at different times, which codes neglect as
+    well. The pressure inside follows from its openings: missing panes, doors and walls.
+    """
+    own = state.wall_wind
+    if state.time < own.next_look - 1e-9:
+        return
+    standing = state.standing[:len(model.blueprint)]
+    if not standing.any():
+        return
+    own.next_look = state.time + _WIND_INTERVAL
+    if state.wind.is_still(state.time):  # for any exposed faces
+        _leave(state)
+        return
+    lost = bool(not len(own.parts)
+                or np.count_nonzero(standing) < (1.0 - _GONE) * len(own.parts))
+    if lost:
+        _survey(model, state, standing)
+    air = state.wind.velocity(own.tops, state.time)
+    now, before = _pressure(air), _pressure(own.applied)
+    if now.max(initial=0.0) < _BREEZE:
+        _leave(state)
+        return
+    turned = AIR_DENSITY * np.sqrt(np.square(air - own.applied).sum(axis=1) * 2.0 * now
+                                   / AIR_DENSITY)
+    if lost or np.any(turned > _WIND_CHANGE * np.maximum(before, _BREEZE)):
+        own.applied = air
+        _press_faces(model, state, standing)
+
+
+def _leave(state: State) -> None:
+    """Remove the wind loads from all walls."""
+    state.wall_wind.applied = np.zeros_like(state.wall_wind.applied)
+    state.loads.remove_layer(_WIND_LAYER)  # even if a survey has just reset `applied`
+
+
+def _survey(model: Model, state: State, standing: np.ndarray) -> None:
+    """Find the exposed faces of standing parts, and the top of each building."""
+    source, own = model.blueprint, state.wall_wind
+    own.parts = np.flatnonzero(standing & (source.shape == Shape.BOX))
+    poses = source.poses[own.parts]
+    own.exposed = exposed_faces(poses, source.size[own.parts], terrain=model.terrain)
+    _, own.structure = np.unique(state.solver.labels[own.parts], return_inverse=True)
+    count = np.bincount(own.structure)
+    own.tops = np.column_stack([np.bincount(own.structure, poses[:, axis]) / count
+                                for axis in range(3)])
+    np.maximum.at(own.tops[:, 2], own.structure, poses[:, 2])
+    own.applied = np.zeros_like(own.tops)
+    own.pressure = None
+
+
+def _press_faces(model: Model, state: State, standing: np.ndarray) -> None:
+    """Apply the pressure of the last wind, inside according to the present openings."""
+    walls, own = model.masonry, state.wall_wind
+    exposed = np.zeros((len(standing), 6), bool)
+    exposed[own.parts] = own.exposed
+    parts = np.flatnonzero((exposed | walls.skin).any(axis=1))
+    if own.pressure is None:
+        own.pressure = WallPressure(
+            walls.face_poses[parts], walls.face_sizes[parts], exposed[parts],
+            model.blueprint.poses[parts, :3], Skin(walls.skin[parts], walls.building[parts]))
+    place = np.zeros(len(standing), np.intp)
+    place[own.parts] = own.structure
+    gone = ~standing
+    place[gone] = _place_at_building(walls.building, own, gone)
+    left = standing[parts]
+    load = own.pressure.forces(own.applied, place[parts], walls.skin[parts].any(axis=1) & ~left)
+    state.loads.set_layer(_WIND_LAYER, parts[left], load[left])
+
+
+def _place_at_building(building: np.ndarray, own: WallWindState, gone: np.ndarray) -> np.ndarray:
+    """Return the structure that lost parts belonged to, or its remains."""
+    place = np.zeros(int(building.max(initial=0)) + 1, np.intp)
+    place[building[own.parts]] = own.structure
+    return place[building[gone]]
+
+
+def _pressure(air: np.ndarray) -> np.ndarray:
+    return 0.5 * AIR_DENSITY * np.einsum('ki,ki->k', air, air)
+
+
+def press_debris(model: Model, state: State, dt: float) -> None:
+    """
+    Record the impulses of moving debris, and update its loads at intervals.
+
+    Writes `state.rubble` and loads.
+    """
+    own = state.rubble
+    if not ((state.bodies.members or own.given.any()) and state.standing.any()):
+        return
+    own.moving *= exp(-dt / SMOOTHING)
+    if may_touch(model, state):
+        share = -expm1(-dt / SMOOTHING) / dt
+        _press_parts(state, state.world.contacts(), share, own.moving)
+    own.since += dt
+    if own.since < DEBRIS_INTERVAL - 1e-9:
+        return
+    own.since = 0.0
+    total = own.moving + _resting(state)
+    largest = np.abs(total[:, :3]).max(initial=0.0)
+    change = np.abs(total[:, :3] - own.given[:, :3]).max(initial=0.0)
+    quiet = not len(state.world.awake) and np.abs(own.moving).max() < 1.0
+    if change > (1.0 if quiet else max(_DEBRIS_CHANGE * largest, _LEAST)):
+        own.given = total
+        parts = np.flatnonzero(total.any(axis=1))
+        state.loads.set_layer(DEBRIS_LAYER, parts, total[parts])
+
+
+def may_touch(model: Model, state: State) -> bool:
+    """
+    Return whether any moving body may touch masonry; reading contacts is expensive.
+
+    Computed once per step, after bodies have moved.
+    """
+    own = state.rubble
+    if own.touches[0] != state.steps:
+        own.touches = state.steps, _is_near(model, state)
+    return own.touches[1]
+
+
+def _is_near(model: Model, state: State) -> bool:
+    bodies, awake = state.world.bodies, state.world.awake
+    place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM
+    bounds = np.hstack([place - room, place + room])
+    return len(overlaps(bounds, model.masonry.bricks.reach)[0]) > 0
+
+
+def part_of_body(state: State) -> np.ndarray:
+    """Return the standing part of each body, -1 for all others, (B,)."""
+    standing = np.flatnonzero(state.parts.owner == Owner.STANDING)
+    out = np.full(len(state.world.bodies.state), -1, np.intp)
+    out[state.parts.body[standing]] = standing
+    return out
+
+
+def _press_parts(state: State, contacts: Contacts, rate: float, out: np.ndarray) -> None:
+    """Add impulses on standing parts, times a rate [1/s], to forces and moments, (N, 6)."""
+    standing = part_of_body(state)
+    side = standing[contacts.body_a]
+    part = np.maximum(side, standing[contacts.body_b])
+    rows = np.flatnonzero(part >= 0)
+    sign = np.where(side[rows] >= 0, rate, -rate)
+    force = sign[:, None] * contacts.impulse[rows]
+    arm = contacts.point[rows] - state.parts.poses[part[rows], :3]
+    np.add.at(out, part[rows], np.hstack([force, np.cross(arm, force)]))
+
+
+def _resting(state: State) -> np.ndarray:
+    """Return the loads of resting bodies on standing parts, (N, 6)."""
+    out = np.zeros_like(state.rubble.given)
+    _press_parts(state, state.world.asleep, 1.0, out)
+    return out
