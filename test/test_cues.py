@@ -95,4 +95,5 @@ def test_a_refused_cue_is_told_and_the_play_goes_on(caplog):
         '0 impulse target=oak/7 linear=1,0,0', '0 launch position=5,-9,2')))
     simulation.step()
     assert 'oak/7' in caplog.text and 'refused' in caplog.text
+    assert any('oak/7' in line and 'so far' in line for line in simulation.warnings)
     assert len(simulation.objects) == 2

@@ -21,6 +21,8 @@ import pytest
 from procphys_ros.errors import GrammarError, GrammarWarning, ProcPhysError
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
+from procphys_ros.scene import Scene
+from procphys_ros.wallgrammar import WallGrammar
 
 
 @pytest.mark.parametrize('text, line, column, words', [
@@ -152,6 +154,21 @@ def test_missing_file(tmp_path):
     """Say which file cannot be read."""
     with pytest.raises(GrammarError, match='cannot read the grammar'):
         LSystem.load(tmp_path / 'no.lsys')
+
+
+@pytest.mark.parametrize('value', [None, 3, b'oak.lsys', ['oak.lsys']])
+@pytest.mark.parametrize('load', [LSystem.load, WallGrammar.load, Scene.from_yaml])
+def test_what_is_no_path(load, value):
+    """Say so, in place of an error of Python."""
+    with pytest.raises(ProcPhysError, match='is not the path of a'):
+        load(value)
+
+
+@pytest.mark.parametrize('steps', [1.5, '3', float('nan'), -1, 10**9])
+def test_steps_are_a_whole_number(steps):
+    """Say what a number of derivation steps can be."""
+    with pytest.raises(GrammarError, match='steps must be a whole number, 0 to 10000, found'):
+        LSystem.parse('axiom: F').derive(steps)
 
 
 def test_declared_names():

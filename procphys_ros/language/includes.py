@@ -24,6 +24,7 @@ from procphys_ros.files.file_bounds import outside
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import read_text, shorten
+from procphys_ros.schema import short
 
 _GRAMMARS = ('.lsys', '.wall')
 MOST_INCLUDES = 32  # files that one grammar may include, directly or indirectly
@@ -35,7 +36,10 @@ def find_grammar(path: str | Path) -> Path:
 
     :param path: of the file, or the name of a shipped one where there is no such file.
     :returns: the path unchanged when there is neither.
+    :raises GrammarError: if it is no path.
     """
+    if not isinstance(path, str | Path):
+        raise GrammarError(f'{short(path)} is not the path of a grammar')
     given = Path(path)
     shipped = shared_folder() / 'grammars' / given
     return shipped if not os.path.exists(given) and os.path.isfile(shipped) else given

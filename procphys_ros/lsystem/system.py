@@ -16,6 +16,7 @@
 """L-system: from the text of a grammar to strings and blueprints."""
 
 from dataclasses import dataclass
+import numbers
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,7 @@ from procphys_ros.language import (
 from procphys_ros.lsystem.compiler import compile_grammar, CompiledGrammar
 from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
+from procphys_ros.schema import short
 
 MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
 _MOST_STEPS = 10_000
@@ -132,9 +134,9 @@ class LSystem:
         values = resolve_defines(grammar.defines, overrides, generator, grammar.source)
         if steps is None:
             steps = self._count('derivation length', grammar.steps, 1, values, generator)
-        elif not 0 <= steps <= _MOST_STEPS:
-            raise GrammarError(f'the number of steps must be 0 to {_MOST_STEPS}, found {steps}',
-                               grammar.source)
+        elif not isinstance(steps, numbers.Integral) or not 0 <= steps <= _MOST_STEPS:
+            raise GrammarError(f'the number of steps must be a whole number, 0 to {_MOST_STEPS}, '
+                               f'found {short(steps)}', grammar.source)
         return grammar.derivation.derive(steps, values, generator), values
 
     def _interpret(self, steps: int | None, generator: np.random.Generator,

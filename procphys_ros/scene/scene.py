@@ -129,7 +129,7 @@ class Scene:
         :raises SceneError: naming the file, the key and what is allowed.
         :raises GrammarError: when a grammar of the scene cannot be read or derived.
         """
-        parameters = read_yaml(Path(path))
+        parameters = read_yaml(path)
         try:
             return cls.from_parameters(parameters, Path(path).absolute().parent)
         except SceneError as error:

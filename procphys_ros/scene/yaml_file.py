@@ -24,6 +24,7 @@ import yaml
 
 from procphys_ros.errors import SceneError
 from procphys_ros.language import shorten
+from procphys_ros.schema import short
 
 _T = TypeVar('_T')
 _LONGEST = 10_000_000  # characters of a file; a scene of 100,000 objects has as many
@@ -110,7 +111,7 @@ class _Loader(BoundedLoader):
         return super().construct_mapping(node, deep)
 
 
-def read_yaml(path: Path) -> dict[str, Any]:
+def read_yaml(path: str | Path) -> dict[str, Any]:
     """
     Read the parameters that a parameter file holds for the node `sim`.
 
@@ -118,7 +119,9 @@ def read_yaml(path: Path) -> dict[str, Any]:
     :returns: nested mapping; dotted keys are expanded to nested ones.
     :raises SceneError: when the file is missing, not YAML, or holds nothing for the node.
     """
-    document = parsed(path, lambda text: yaml.load(text, _Loader))
+    if not isinstance(path, str | Path):
+        raise SceneError(f'{short(path)} is not the path of a scene file')
+    document = parsed(Path(path), lambda text: yaml.load(text, _Loader))
     sections = [document[key]['ros__parameters'] for key in _NODE_KEYS
                 if isinstance(document, Mapping) and isinstance(document.get(key), Mapping)
                 and isinstance(document[key].get('ros__parameters'), Mapping)]

@@ -22,6 +22,7 @@ import logging
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
+from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import Failures
@@ -29,6 +30,7 @@ from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import overlap_box, overlaps, piece_bounds
 from procphys_ros.physics.trees import Anchors
 from procphys_ros.scene import SceneObject
+from procphys_ros.scene.cues import Blow, Cue
 from procphys_ros.scene.placement import FOOTING
 from procphys_ros.simulation.obstacles import REACH
 from procphys_ros.simulation.parts import Owner
@@ -95,6 +97,18 @@ def _idle_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],
             'of any of its segments' for thing in objects
             if clings[(own := slice(thing.first, thing.first + thing.count))].any()
             and not holds[own].any()]
+
+
+def check_cues(state: State, cues: Sequence[Cue]) -> list[str]:
+    """List the cues that strike parts which do not exist, at least not yet."""
+    lines = []
+    for cue in cues:
+        if isinstance(cue.what, Blow):
+            try:
+                state.names.index(cue.what.target)
+            except CommandError as error:
+                lines.append(f'scene.cues: "{cue.text}" has no part to strike so far: {error}')
+    return lines
 
 
 def log(lines: Sequence[str]) -> tuple[str, ...]:

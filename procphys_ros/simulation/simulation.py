@@ -76,7 +76,8 @@ class Simulation(Readings):
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
             scene.blueprint, scene.objects, scene.settings.terrain), *load_checks.check_trees(
-                self.state, scene.objects, self.model.trees.climbers.anchors), *cracked])
+                self.state, scene.objects, self.model.trees.climbers.anchors),
+            *load_checks.check_cues(self.state, settings.cues), *cracked])
 
     def reset(self) -> None:
         """
