@@ -28,12 +28,12 @@ from scipy.spatial.distance import cdist
 from visualization_msgs.msg import Marker, MarkerArray
 
 from procphys_ros import messages
+from procphys_ros.appearance.mesh import solids as meshes
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Hexahedra, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import box_corners, faces, inset, solids
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.world import installed_engines, rigid_sum, World
-from procphys_ros.render.mesh import solids as meshes
 from procphys_ros.wallgrammar.polygons import meet, moments
 
 DENSITY = 2000.0  # [kg/m³]

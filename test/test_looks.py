@@ -19,15 +19,15 @@ import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from procphys_ros.appearance import joints, mesh, texture
+from procphys_ros.appearance.closers import closers
 from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import FallingLeaves
-from procphys_ros.render import joints, mesh, texture
 from procphys_ros.render.camera import View
-from procphys_ros.render.closers import closers
 from procphys_ros.render.drawing import Moment
 from procphys_ros.render.picture import Renderer
 from procphys_ros.scene.scenery import SunSettings

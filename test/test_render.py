@@ -24,24 +24,15 @@ import numpy as np
 from PIL import Image
 import pytest
 
+from procphys_ros.appearance import joints, mesh, texture
 from procphys_ros.appearance.palette import look, LOOKS, rgba
+from procphys_ros.appearance.unit_meshes import Kind, unit_mesh
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
-from procphys_ros.render import (
-    backend,
-    camera,
-    draw,
-    drawing,
-    joints,
-    light,
-    mesh,
-    RenderUnavailableError,
-    texture,
-)
+from procphys_ros.render import backend, camera, draw, drawing, light, RenderUnavailableError
 from procphys_ros.render.backend import open_context
 from procphys_ros.render.command import main
-from procphys_ros.render.unit_meshes import Kind, unit_mesh
 from procphys_ros.scene.sources import load_grammar
 
 _ROOT = Path(__file__).resolve().parents[1]

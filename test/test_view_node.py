@@ -24,11 +24,11 @@ import numpy as np
 import pytest
 import rclpy
 
+from procphys_ros.appearance.joints import seats
 from procphys_ros.blueprint import Leaves
 from procphys_ros.messages import pose_array, SceneDescription
 from procphys_ros.messages.leaves import leaf_rows, leaves_of
 from procphys_ros.messages.poses import read_pose_array
-from procphys_ros.render.joints import seats
 from procphys_ros.ros import page_commands
 from procphys_ros.ros.followed_node import content_of, FollowedNode
 from procphys_ros.ros.page_commands import carry_out, PageCommands, scene_of

@@ -12,4 +12,4 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Appearance: colours, pavings and torn wood, alike in pictures, pages, markers and exports."""
+"""Appearance: meshes, mortar, colours, textures and torn wood, alike wherever they are drawn."""

@@ -24,7 +24,7 @@ class Look:
     Appearance of a texture.
 
     :ivar rgba: colour, each 0 to 1.
-    :ivar pattern: procedural image that modulates the colour (see `render.texture`).
+    :ivar pattern: procedural image that modulates the colour (see `appearance.texture`).
     :ivar variation: differences of brightness between pieces, as a share of it.
     :ivar aspect: width of a leaf quad over its length; not used for other surfaces.
     """

@@ -19,8 +19,8 @@ import zlib
 
 import numpy as np
 
+from procphys_ros.appearance import texture
 from procphys_ros.appearance.palette import look
-from procphys_ros.render import texture
 
 _OPAQUE = 255
 _CUT = 128  # alpha below it counts as a hole in a leaf

@@ -19,15 +19,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from procphys_ros.appearance import joints, mesh
+from procphys_ros.appearance.closers import closers
+from procphys_ros.appearance.mesh import Mesh
 from procphys_ros.appearance.palette import look
 from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.export.content import Content
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
-from procphys_ros.render import joints, mesh
-from procphys_ros.render.closers import closers
-from procphys_ros.render.mesh import Mesh
 
 _UP = np.array([0.0, 0.0, 1.0])
 

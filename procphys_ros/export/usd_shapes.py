@@ -20,6 +20,8 @@ import shutil
 import numpy as np
 from pxr import Gf, Sdf
 
+from procphys_ros.appearance import mesh, texture
+from procphys_ros.appearance.mesh import Mesh
 from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Shape
 from procphys_ros.export import images
@@ -36,8 +38,6 @@ from procphys_ros.export.usd_layer import (
 )
 from procphys_ros.files.whole_files import write_whole
 from procphys_ros.geometry import rotation
-from procphys_ros.render import mesh, texture
-from procphys_ros.render.mesh import Mesh
 
 _ROUGHNESS = 0.9
 _HOLE = 0.5  # alpha below it is a hole

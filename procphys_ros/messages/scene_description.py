@@ -41,7 +41,7 @@ class SceneDescription:
     :param frame_id: frame of the published poses.
     :param terrain: the surface of the ground.
     :param paving: of the ground.
-    :param seats: finds the mortar joints, from a bond on (`render.joints.seats`); None = no
+    :param seats: finds the mortar joints, from a bond on (`appearance.joints.seats`); None = no
         mortar is described.
     :ivar parts: number of parts described so far.
     """

@@ -20,13 +20,13 @@ from typing import Self
 import numpy as np
 
 from procphys_ros import messages
+from procphys_ros.appearance.joints import seats
 from procphys_ros.errors import RecordingError
 from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION
 from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.scene_description import SceneDescription
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import McapWriter
-from procphys_ros.render.joints import seats
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.schema import short
 from procphys_ros.simulation import Simulation

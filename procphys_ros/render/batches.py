@@ -20,10 +20,10 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance import texture
 from procphys_ros.appearance.palette import Look
-from procphys_ros.render import texture
+from procphys_ros.appearance.unit_meshes import Kind, unit_mesh
 from procphys_ros.render.program import Programs, set_uniforms
-from procphys_ros.render.unit_meshes import Kind, unit_mesh
 
 _FIXED = '3f 3f 2f 1f'  # per copy: constant data
 _FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')

@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance import texture
 from procphys_ros.appearance.palette import rgba
 from procphys_ros.appearance.paving import Paving
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.render import texture
 from procphys_ros.render.backend import open_context
 from procphys_ros.render.camera import View
 from procphys_ros.render.drawing import SceneBatches

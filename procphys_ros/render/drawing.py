@@ -21,18 +21,19 @@ from typing import Any
 
 import numpy as np
 
+from procphys_ros.appearance import joints, texture
+from procphys_ros.appearance.closers import Closers, closers
 from procphys_ros.appearance.palette import Look, look
 from procphys_ros.appearance.torn_wood import WoodJoints
+from procphys_ros.appearance.unit_meshes import Kind
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.render import joints, light, texture
+from procphys_ros.render import light
 from procphys_ros.render.batches import Batch, Copies
 from procphys_ros.render.camera import View
-from procphys_ros.render.closers import Closers, closers
 from procphys_ros.render.program import Programs
-from procphys_ros.render.unit_meshes import Kind
 
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 SINGLE = 22.0  # [px] of length above which leaves are drawn singly

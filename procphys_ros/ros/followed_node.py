@@ -32,6 +32,7 @@ from rclpy.subscription import Subscription
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import String
 
+from procphys_ros.appearance.joints import Seats
 from procphys_ros.appearance.torn_wood import BrokenWood
 from procphys_ros.blueprint import Hexahedra, Leaves, Shape
 from procphys_ros.geometry import rotation
@@ -41,7 +42,6 @@ from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.render.joints import Seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
 from procphys_ros.view.source import Frame, PageContent, Status

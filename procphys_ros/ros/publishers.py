@@ -27,11 +27,11 @@ from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
+from procphys_ros.appearance.joints import seats
 from procphys_ros.compilation.threads import beside
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.ground import thinned
 from procphys_ros.physics.terrain import FLAT
-from procphys_ros.render.joints import seats
 from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher

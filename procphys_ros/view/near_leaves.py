@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.appearance.palette import look
-from procphys_ros.render.texture import CLUSTERS
+from procphys_ros.appearance.texture import CLUSTERS
 from procphys_ros.view import shapes
 from procphys_ros.view.source import PageContent
 

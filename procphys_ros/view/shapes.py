@@ -20,10 +20,9 @@ import io
 
 import numpy as np
 
+from procphys_ros.appearance import mesh, texture
 from procphys_ros.appearance.palette import look
-from procphys_ros.render import texture
-from procphys_ros.render.mesh import hexahedra
-from procphys_ros.render.unit_meshes import Kind, unit_mesh
+from procphys_ros.appearance.unit_meshes import Kind, unit_mesh
 
 _TONES = 4  # shades of a texture, which distinguish neighbouring bricks
 _UNIFORM = 0.08  # variation of looks below which one shade is enough
@@ -31,6 +30,7 @@ TAPERS = np.array([0.4, 0.75, 1.0])  # tip diameters over base diameters
 _SIDES = 9  # faces around a branch
 _LAP = 0.02  # share of its length by which a segment reaches into its neighbours
 _SURFACE_PIXELS, _LEAF_PIXELS = 64, 128
+_NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _CUT_OFF = 0.4  # opacity below which a leaf's image is cut out
 
 
@@ -42,18 +42,9 @@ def box(name: str, tone: int) -> bytes:
     :param name: of the texture.
     :param tone: one of its `tones`.
     """
-    corners, normals, uv = [], [], []
-    for axis in range(3):
-        for side in (-1.0, 1.0):
-            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                corner = np.zeros(3)
-                corner[[axis, (axis + 1) % 3, (axis + 2) % 3]] = side, side * u, v
-                corners.append(0.5 * corner)
-                normals.append(side * np.eye(3)[axis])
-                uv.append((0.5 * (u + 1), 0.5 * (v + 1)))
-    quads = 4 * np.arange(6)[:, None]
-    faces = np.concatenate([quads + [0, 1, 2], quads + [0, 2, 3]])
-    return _glb(np.array(corners), faces, np.array(normals), np.array(uv), name, tone)
+    corners, normals, axes = mesh.unit_box()
+    uv = 0.5 + np.take_along_axis(corners, axes, 1)
+    return _glb(corners, mesh.QUADS, normals, uv, name, tone)
 
 
 def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
@@ -62,7 +53,7 @@ def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
 
     :param corners: as in `Hexahedra.corners` [m], (24,).
     """
-    solid = hexahedra(np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]]), corners[None])
+    solid = mesh.hexahedra(_NOWHERE, corners[None])
     return _glb(solid.points, solid.triangles, solid.normals, solid.uv, name, tone)
 
 
@@ -84,33 +75,24 @@ def branch(name: str, tone: int, taper: int) -> bytes:
     normals[0, :, 2], normals[3, :, 2] = -1.0, 1.0
     uv = np.stack(np.broadcast_arrays(2.0 * turn / (2.0 * np.pi),
                                       np.array([0.0, 0.0, 1.0, 1.0])[:, None]), axis=-1)
-    index = np.arange(points[..., 0].size).reshape(4, -1)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    faces = np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
-                            np.stack([a, c, d], -1).reshape(-1, 3)])
-    return _glb(points.reshape(-1, 3), faces, normals.reshape(-1, 3), uv.reshape(-1, 2), name,
-                tone)
+    return _glb(points.reshape(-1, 3), mesh.strips(4, _SIDES + 1), normals.reshape(-1, 3),
+                uv.reshape(-1, 2), name, tone)
 
 
 @cache
 def ball(name: str, tone: int) -> bytes:
     """Write a ball of diameter 1; see `box`."""
     import trimesh
-    mesh = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
-    normals = 2.0 * mesh.vertices
-    return _glb(mesh.vertices, mesh.faces, normals, normals[:, :2], name, tone)
+    ico = trimesh.creation.icosphere(subdivisions=2, radius=0.5)
+    normals = 2.0 * ico.vertices
+    return _glb(ico.vertices, ico.faces, normals, normals[:, :2], name, tone)
 
 
 @cache
 def leaf(name: str, tone: int) -> bytes:
     """Write two crossed quads of length 1 that stand on the origin along z; see `box`."""
-    square = np.array([[-0.5, 0.0], [0.5, 0.0], [0.5, 1.0], [-0.5, 1.0]])
-    points = np.zeros((8, 3))
-    points[:4, 0] = points[4:, 1] = look(name).aspect * square[:, 0]
-    points[:, 2] = np.tile(square[:, 1], 2)
-    normals = np.tile([0.0, 0.0, 1.0], (8, 1))  # lit like a crown, not quad by quad
-    faces = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
-    return _glb(points, faces, normals, np.tile(square + [0.5, 0.0], (2, 1)), name, tone)
+    quads = mesh.crossed_quads(_NOWHERE, np.ones(1), look(name).aspect)
+    return _glb(quads.points, quads.triangles, quads.normals, quads.uv, name, tone)
 
 
 @cache
@@ -126,14 +108,14 @@ def spray(name: str) -> bytes:
     material = trimesh.visual.material.PBRMaterial(
         baseColorTexture=grey, baseColorFactor=[*np.clip(colour, 0.0, 1.0), 1.0],
         metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    mesh = trimesh.Trimesh(
+    made = trimesh.Trimesh(
         vertices[:, :3] * [own.aspect, own.aspect, 1.0], faces, process=False,
         vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
         visual=trimesh.visual.TextureVisuals(
             uv=np.column_stack([np.clip(light, 0.01, 0.99), np.full(len(light), 0.5)]),
             material=material))
     data = io.BytesIO()
-    mesh.export(data, file_type='glb', include_normals=True)
+    made.export(data, file_type='glb', include_normals=True)
     return data.getvalue()
 
 
@@ -166,10 +148,10 @@ def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndar
         baseColorTexture=picture, baseColorFactor=[*colour, own.rgba[3]], metallicFactor=0.0,
         roughnessFactor=1.0, doubleSided=holes, alphaCutoff=_CUT_OFF if holes else None,
         alphaMode='MASK' if holes else 'BLEND' if own.rgba[3] < 1.0 else 'OPAQUE')
-    mesh = trimesh.Trimesh(points, faces, vertex_normals=normals, process=False,
+    made = trimesh.Trimesh(points, faces, vertex_normals=normals, process=False,
                            visual=trimesh.visual.TextureVisuals(uv=uv, material=material))
     data = io.BytesIO()
-    mesh.export(data, file_type='glb', include_normals=True)
+    made.export(data, file_type='glb', include_normals=True)
     return data.getvalue()
 
 

@@ -21,13 +21,13 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from procphys_ros.appearance.joints import Seats, seats
 from procphys_ros.appearance.paving import Paving
 from procphys_ros.appearance.torn_wood import Wood, WoodJoints
 from procphys_ros.blueprint import Blueprint, Hexahedra, Leaves
 from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.render.joints import Seats, seats
 
 _NAMED = 3  # objects listed in a line
 

@@ -24,9 +24,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # its parts are imported by their first use
 
+from procphys_ros.appearance.joints import mortar_of, Seats, unbroken
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.geometry import rotation
-from procphys_ros.render.joints import mortar_of, Seats, unbroken
 
 _UPRIGHT = 0.999    # cosine to the vertical of level bricks
 _PARALLEL = 0.9999  # cosine between faces with a parallel joint

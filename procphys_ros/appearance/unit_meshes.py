@@ -20,12 +20,9 @@ from functools import cache
 
 import numpy as np
 
+from procphys_ros.appearance import mesh, texture
 from procphys_ros.geometry.hexahedron import FACES
-from procphys_ros.render import mesh, texture
 
-_SIDES = 10  # columns of faces around a branch
-_RINGS = np.array([[0, -1.0, 0.0], [0, -0.7071, 0.7071], [0, 0.0, 1.0],
-                   [1, 0.0, 1.0], [1, 0.7071, 0.7071], [1, 1.0, 0.0]])  # as in `mesh.branches`
 # Corners of a leaf: position along it, side of its midrib, half width there, brightness. Its
 # outline is that of the images, sin(pi t^0.8).
 _BLADE = np.array([[0.0, 0, 0.0, 0.9], [0.35, -1, 0.98, 0.78], [0.35, 0, 0.0, 1.0],
@@ -88,19 +85,15 @@ def _joint() -> _Mesh:
 
 
 def _branch() -> _Mesh:
-    columns = _SIDES + 1
-    turn = np.linspace(0.0, 1.0, columns)
-    vertices = np.column_stack([np.repeat(_RINGS, columns, axis=0), np.tile(turn, len(_RINGS))])
-    return vertices, '4f', ('in_ring',), _strips(len(_RINGS), columns)
+    rings = np.column_stack([mesh.RING_AT_TIP, mesh.RING_HEIGHT, mesh.RING_RADIUS])
+    turn = np.linspace(0.0, 1.0, mesh.SIDES + 1)
+    vertices = np.column_stack([np.repeat(rings, len(turn), axis=0), np.tile(turn, len(rings))])
+    return vertices, '4f', ('in_ring',), mesh.strips(len(rings), len(turn))
 
 
 def _ball() -> _Mesh:
-    columns, rows = _BALL[0] + 1, _BALL[1] + 1
-    turn = np.tile(np.linspace(0.0, 2.0 * np.pi, columns), rows)
-    rise = np.repeat(np.linspace(-0.5 * np.pi, 0.5 * np.pi, rows), columns)
-    points = np.stack([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)], -1)
-    return (np.hstack([points, points]), '3f 3f', ('in_corner', 'in_normal'),
-            _strips(rows, columns))
+    points, _, faces = mesh.unit_ball(*_BALL)
+    return np.hstack([points, points]), '3f 3f', ('in_corner', 'in_normal'), faces
 
 
 def _leaf() -> _Mesh:
@@ -139,11 +132,3 @@ def _spray(pattern: str) -> _Mesh:
 
 def _triangle() -> _Mesh:
     return np.zeros((3, 1)), '1f', ('in_nothing',), np.array([[0, 1, 2]])
-
-
-def _strips(rows: int, columns: int) -> np.ndarray:
-    """Connect a grid of vertices, row after row upwards, by triangles that face outwards."""
-    grid = np.arange(rows * columns).reshape(rows, columns)
-    a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
-    return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
-                           np.stack([a, c, d], -1).reshape(-1, 3)])

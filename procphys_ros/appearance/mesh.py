@@ -24,12 +24,12 @@ from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import faces as faces_of
 
-_SIDES = 10  # columns of faces around a branch
+SIDES = 10  # columns of faces around a branch
 # Profile of a branch from pole to pole: height of each ring on its half sphere, and its radius,
 # both over the end radius. Round ends close the gap that opens when a joint bends.
-_RING_HEIGHT = np.array([-1.0, -0.7071, 0.0, 0.0, 0.7071, 1.0])
-_RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
-_RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
+RING_HEIGHT = np.array([-1.0, -0.7071, 0.0, 0.0, 0.7071, 1.0])
+RING_RADIUS = np.array([0.0, 0.7071, 1.0, 1.0, 0.7071, 0.0])
+RING_AT_TIP = np.array([0, 0, 0, 1, 1, 1])
 _MERIDIAN = 12  # rows of faces from pole to pole of a ball
 _BARK_TILE = np.array([0.25, 0.5])  # [m] around and along the branch, covered by one image
 _BRICK_TILE = 0.6  # [m] of wall covered by one image
@@ -63,23 +63,23 @@ def branches(poses: np.ndarray, visual_size: np.ndarray) -> Mesh:
     :param poses: segment midpoints, z along the segment, world, (N, 7).
     :param visual_size: base diameter, tip diameter, length [m], (N, 3).
     """
-    count, rings, columns = len(poses), len(_RING_HEIGHT), _SIDES + 1
-    radius = 0.5 * visual_size[:, _RING_AT_TIP]
+    count, rings, columns = len(poses), len(RING_HEIGHT), SIDES + 1
+    radius = 0.5 * visual_size[:, RING_AT_TIP]
     length = visual_size[:, 2:3]
-    along = (_RING_AT_TIP - 0.5) * length + _RING_HEIGHT * radius
+    along = (RING_AT_TIP - 0.5) * length + RING_HEIGHT * radius
     turn = np.linspace(0.0, 2.0 * np.pi, columns)
     circle = np.stack([np.cos(turn), np.sin(turn), np.zeros(columns)], axis=-1)
-    local = (radius * _RING_RADIUS)[:, :, None, None] * circle
+    local = (radius * RING_RADIUS)[:, :, None, None] * circle
     local[..., 2] = along[:, :, None]
-    normal = np.broadcast_to(_RING_RADIUS[:, None, None] * circle, local.shape).copy()
-    normal[..., 2] = _RING_HEIGHT[:, None]
+    normal = np.broadcast_to(RING_RADIUS[:, None, None] * circle, local.shape).copy()
+    normal[..., 2] = RING_HEIGHT[:, None]
     repeats = np.maximum(1, np.round(np.pi * visual_size[:, 0] / _BARK_TILE[0]))
     uv = np.empty(local.shape[:3] + (2,))
     uv[..., 0] = repeats[:, None, None] * turn / (2.0 * np.pi)
     uv[..., 1] = along[:, :, None] / _BARK_TILE[1]
     vertices = rings * columns
     return _place(poses, local.reshape(count, vertices, 3), normal.reshape(count, vertices, 3),
-                  uv.reshape(count, vertices, 2), _strips(rings, columns))
+                  uv.reshape(count, vertices, 2), strips(rings, columns))
 
 
 def balls(poses: np.ndarray, diameter: np.ndarray) -> Mesh:
@@ -89,19 +89,28 @@ def balls(poses: np.ndarray, diameter: np.ndarray) -> Mesh:
     :param poses: centres and attitudes, world, (N, 7).
     :param diameter: [m], (N,).
     """
-    columns = 2 * _MERIDIAN + 1
-    turn = np.linspace(0.0, 2.0 * np.pi, columns)
-    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, _MERIDIAN + 1)[:, None]
-    unit = np.stack([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise),
-                     np.broadcast_to(np.sin(rise), (_MERIDIAN + 1, columns))], -1).reshape(-1, 3)
-    uv = np.stack(np.broadcast_arrays(turn / np.pi, rise / np.pi), -1).reshape(-1, 2)
+    unit, uv, faces = unit_ball(2 * _MERIDIAN, _MERIDIAN)
     local = 0.5 * diameter[:, None, None] * unit
     return _place(poses, local, np.broadcast_to(unit, local.shape),
-                  np.broadcast_to(uv, (len(poses), *uv.shape)), _strips(_MERIDIAN + 1, columns))
+                  np.broadcast_to(uv, (len(poses), *uv.shape)), faces)
 
 
-def _strips(rows: int, columns: int) -> np.ndarray:
-    """Join the points of a grid, row by row, by triangles, (F, 3)."""
+def unit_ball(columns: int, rows: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Build a ball of radius 1 from columns and rows of faces.
+
+    :returns: points, which are normals, too, (V, 3), image coordinates (V, 2), triangles (F, 3).
+    """
+    turn = np.linspace(0.0, 2.0 * np.pi, columns + 1)
+    rise = np.linspace(-0.5 * np.pi, 0.5 * np.pi, rows + 1)[:, None]
+    points = np.stack(np.broadcast_arrays(np.cos(turn) * np.cos(rise),
+                                          np.sin(turn) * np.cos(rise), np.sin(rise)), -1)
+    uv = np.stack(np.broadcast_arrays(turn / np.pi, rise / np.pi), -1)
+    return points.reshape(-1, 3), uv.reshape(-1, 2), strips(rows + 1, columns + 1)
+
+
+def strips(rows: int, columns: int) -> np.ndarray:
+    """Join the points of a grid, row after row upwards, by triangles facing outwards, (F, 3)."""
     grid = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]
     return np.concatenate([np.stack([a, b, c], -1).reshape(-1, 3),
@@ -115,6 +124,21 @@ def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
     :param poses: centres and attitudes, world, (N, 7).
     :param size: full extents [m], (N, 3).
     """
+    corners, normals, axes = unit_box()
+    count = len(poses)
+    local = corners * size[:, None]
+    uv = np.take_along_axis(local, np.broadcast_to(axes, (count, 24, 2)), 2)
+    shift = np.random.default_rng(0).random((count, 1, 2))  # different grain on every brick
+    return _place(poses, local, np.broadcast_to(normals, local.shape), uv / _BRICK_TILE + shift,
+                  QUADS)
+
+
+def unit_box() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Build a cube of edge 1 around the origin, whose faces are `QUADS`.
+
+    :returns: points (24, 3), normals (24, 3), and the axes along the face of each point, (24, 2).
+    """
     corners, normals, axes = [], [], []
     for axis in range(3):
         across, up = (axis + 1) % 3, (axis + 2) % 3
@@ -125,12 +149,7 @@ def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
                 corners.append(0.5 * corner)
                 normals.append(side * np.eye(3)[axis])
                 axes.append((across, up))
-    count = len(poses)
-    local = np.asarray(corners) * size[:, None]
-    uv = np.take_along_axis(local, np.broadcast_to(np.asarray(axes), (count, 24, 2)), 2)
-    shift = np.random.default_rng(0).random((count, 1, 2))  # different grain on every brick
-    return _place(poses, local, np.broadcast_to(np.asarray(normals), local.shape),
-                  uv / _BRICK_TILE + shift, QUADS)
+    return np.array(corners), np.array(normals), np.array(axes)
 
 
 def hexahedra(poses: np.ndarray, corners: np.ndarray) -> Mesh:
