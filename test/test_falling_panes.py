@@ -24,6 +24,7 @@ import pytest
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, fragments, glass, Simulation
 
@@ -53,11 +54,11 @@ def lying(made):
                    bond_frame=rotation.compose(frame, made.bond_frame))
 
 
-def dropped(made, height, seconds=0.0):
+def dropped(made, height, seconds=0.0, **settings):
     """Drop a piece with its lowest point at that height."""
     axes = np.abs(rotation.to_matrix(made.poses[:, 3:]))
     low = (made.poses[:, 2] - np.einsum('nij,nj->ni', axes, 0.5 * made.size)[:, 2]).min()
-    scene = Scene()
+    scene = Scene(Settings(**settings))
     scene.add(made, (0.0, 0.0, height - low), 0.0, 'window')
     simulation = Simulation(scene)
     simulation.step(round(seconds / simulation.time_step))
@@ -144,13 +145,11 @@ def test_broken_bonds_are_told_where_they_are():
     assert np.all(np.abs(told['position'][:, 2] - 0.1) < 0.05)
 
 
-def test_shards_wait_for_room(monkeypatch):
+def test_shards_wait_for_room():
     """Keep a broken pane in its piece while too much moves, and let it fall out after that."""
-    monkeypatch.setattr(glass, 'BODIES', 0)
-    monkeypatch.setattr(glass, 'SHARDS', 3)
-    simulation = dropped(lying(window()), 3.0, 0.9)
+    simulation = dropped(lying(window()), 3.0, 0.9, debris_bodies=1)
     assert is_whole(simulation) and glass.is_waiting(simulation.state)
-    monkeypatch.undo()
+    simulation.model = replace(simulation.model, settings=Settings())
     simulation.step()
     assert not is_whole(simulation) and not glass.is_waiting(simulation.state)
 

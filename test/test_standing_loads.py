@@ -140,3 +140,18 @@ def test_the_speed_of_what_strikes_is_known_while_its_blow_acts_or_waits():
     loads.end_blows()
     loads.resize(5)
     assert loads.striking_speed(np.arange(5)) == 0.0
+
+
+def test_small_changes_of_steady_loads_ask_for_no_new_stresses():
+    """Tell the solver of a change beyond a twentieth of the load, of its rest, and of its end."""
+    solver, loads = Slow(), StandingLoads(3)
+    told = []
+    for step, force in enumerate((10e3, 10.3e3, 10.4e3, 11e3, 10.5e3, 10.5e3)):
+        loads.follow('debris', np.array([1]), np.array([[0.0, 0.0, -force, 0.0, 0.0, 0.0]]))
+        loads.apply(solver, float(step))
+        loads.end_blows()
+        told.append(-solver.given[-1][1, 2])
+    assert told == [10e3, 10e3, 10e3, 11e3, 11e3, 10.5e3]
+    loads.follow('debris', np.zeros(0, np.intp), np.zeros((0, 6)))
+    loads.apply(solver, 9.0)
+    assert not solver.given[-1].any() and loads.sources == ()

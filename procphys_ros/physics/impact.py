@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impact: contact time of hard bodies."""
+"""Impact: contact time of hard bodies, and which blows act together."""
 
 import numpy as np
 
@@ -29,6 +29,9 @@ CONTACT_TIME = 1.4e-3
 # [m] height of the asperities of faces: bricks keep to 0.4·√mm of their size
 # (EN 771-1, T1), faces of 60 mm to 3 mm; fragments have toothing of half a brick.
 FACES, TEETH = 3e-3, 0.03
+
+# Cosine between two directions, about 45 degrees, from which on what happens along them is one.
+ALIKE = 0.7
 
 _LIGHT = 1e-30  # [kg], [m/s] keeps rates finite
 

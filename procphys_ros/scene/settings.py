@@ -48,6 +48,7 @@ class Settings:
     :ivar gravity: downward acceleration [m/s²].
     :ivar engine: of rigid bodies, 'bullet', 'native', or 'auto' for the first installed.
     :ivar threads: that kernels run on; 0 = one per core.
+    :ivar debris_bodies: moving bodies aimed at, by which pieces break more coarsely.
     :ivar wind: mean wind and turbulence.
     :ivar wind_record: content of `wind.file`; () = there is none.
     :ivar gust: default values of gusts.
@@ -73,6 +74,8 @@ class Settings:
     threads: int = declared(0, 'threads that compute trees, wind, leaves, stresses and markers; '
                             '0 = one per core, or NUMBA_NUM_THREADS; results do not depend on it',
                             '', 0, 1024)
+    debris_bodies: int = declared(240, 'moving bodies aimed at: the more there are, the coarser '
+                                  'is what breaks', '', 1, 100_000)
     wind: WindSettings = field(default_factory=WindSettings)
     wind_record: Record = ()
     gust: Gust = field(default_factory=Gust)

@@ -198,16 +198,16 @@ def _grow_columns(model: Model, state: State) -> None:
     blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
     blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
         blasts.pulse, parts, np.inf)
-    rubble.moving, rubble.given = _padded(rubble.moving, parts), _padded(rubble.given, parts)
+    rubble.moving = _padded(rubble.moving, parts)
     load = np.zeros(len(model.glass.parts))
     load[:len(state.glass.load)] = state.glass.load
     state.glass.load = load
     trees.air, trees.faded_air = _padded(trees.air, rows), _padded(trees.faded_air, rows)
     before = len(trees.start_poses)
     trees.start_poses = np.concatenate([trees.start_poses, state.forest.poses[before:]])
-    more = ClimberState.of(len(model.trees.climbers.row) - len(state.climbers.holds))
-    state.climbers = ClimberState(np.concatenate([state.climbers.holds, more.holds]),
-                                  np.concatenate([state.climbers.given, more.given]))
+    holds = state.climbers.holds
+    more = np.ones(len(model.trees.climbers.row) - len(holds), bool)
+    state.climbers = ClimberState(np.concatenate([holds, more]))
     queue = model.leaves
     leaves.attached = np.concatenate([
         leaves.attached, np.ones(len(model.blueprint.leaves) - len(leaves.attached), bool)])

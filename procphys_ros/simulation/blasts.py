@@ -26,6 +26,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import ALIKE
 from procphys_ros.physics.loads import (
     air_blast,
     blast_boxes,
@@ -48,9 +49,7 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State, Wave
 
-_PRESSED = 0.7  # cosine between an impulse and a joint's normal, least for its transmission
 _DEEPEST_COLUMN = 4    # leaves of a wall that move as one
-_FLAT = 0.7  # cosine between a normal and the vertical, from which on a face counts as horizontal
 _STOREY = 2.7        # [m] height of the wall whose rate is `masonry.WALL_RATE`, ...
 _LEAF = 0.1025       # [m] ... and its thickness
 _BRICK = 0.225       # [m] smallest piece of wall that comes out as one
@@ -61,12 +60,10 @@ _PATCHES = (3.0, 2.4, 1.9, 1.5, 1.2, 0.9, 0.6, 0.3)  # [m] radii of pieces of wa
 _MOST_PATCHES = 60   # in one step, ...
 _MOST_FAILED = 150   # ... and positions where none comes out, ...
 _APART = 0.6         # [m] ... that are tried at this distance
-_ALIKE = 0.7         # cosine between impulses on the parts of one piece
 _DEEPEST = 0.35      # [m] before and behind its middle that a piece reaches
 _SURPLUS = 4.0       # kinetic energy over the work of its bonds from which on a brick flies singly
-_MOST_SINGLE = 250   # such bricks per explosion, the fastest; more could not be simulated in time
-_CLUMP = 12          # parts per piece of debris that does not fly singly, ...
-_MOST_CLUMPS = 120   # ... more where there would be more pieces: each takes milliseconds to make
+_CLUMP = 12          # parts per piece of debris that does not fly singly, more where there would
+#                      be more than half of the bodies aimed at
 _MOST_WAVES = 50     # explosions with waves under way
 
 
@@ -117,7 +114,7 @@ def _pressed(front: np.ndarray, back: np.ndarray, normal: np.ndarray, area: np.n
     chosen = np.zeros(len(front), bool)
     for _ in range(_DEEPEST_COLUMN):
         known = np.abs(way).sum(axis=1) > 0.0
-        chosen = (way[front] * normal).sum(axis=1) > _PRESSED
+        chosen = (way[front] * normal).sum(axis=1) > ALIKE
         fresh = np.flatnonzero(chosen & ~known[back])
         if not len(fresh):
             break
@@ -125,7 +122,7 @@ def _pressed(front: np.ndarray, back: np.ndarray, normal: np.ndarray, area: np.n
         np.add.at(total, back[fresh], area[fresh, None] * way[front[fresh]])
         size = norm(total, axis=1, keepdims=True)
         way += total / np.where(size > 0.0, size, 1.0)
-    return np.flatnonzero(chosen & ((way[front] * way[back]).sum(axis=1) > _PRESSED))
+    return np.flatnonzero(chosen & ((way[front] * way[back]).sum(axis=1) > ALIKE))
 
 
 def on_everything(model: Model, state: State, point: Sequence[float], charge: float,
@@ -207,7 +204,7 @@ def _fronts(state: State, boxes: np.ndarray, poses: np.ndarray, sizes: np.ndarra
     np.maximum.at(high, whole, middle + reach)
     length, width, height = (high - low)[whole].T[..., None]
     sideways = np.abs(axes[:, :, 0]) * width + np.abs(axes[:, :, 1]) * length
-    flat = np.abs(axes[:, :, 2]) > _FLAT
+    flat = np.abs(axes[:, :, 2]) > ALIKE
     both = np.stack([np.where(flat, 0.5 * length, height),
                      0.5 * np.where(flat, width, sideways)], axis=2)
     return np.sort(both, axis=2)
@@ -406,7 +403,7 @@ def explode(model: Model, state: State, explosion: Explosion) -> None:
     if point[2] < ground:
         raise CommandError(f'explosion.position is {list(point)}: that is under the ground, which '
                            f'is {ground:.2f} m high there')
-    state.blasts.single_left = _MOST_SINGLE
+    state.blasts.single_left = model.settings.debris_bodies  # the fastest ones
     found = on_everything(model, state, point, charge, ground)
     if not found:
         return
@@ -547,7 +544,7 @@ def _tear_patches(model: Model, state: State, shaken: np.ndarray) -> np.ndarray:
         away = places[near] - places[seed]
         distance = norm(away, axis=1)
         speed[near[distance < _APART]] = 0.0  # they may fly along with others
-        alike = left[near] & (product(way[near], way[seed]) > _ALIKE)
+        alike = left[near] & (product(way[near], way[seed]) > ALIKE)
         alike &= np.abs(product(away, way[seed])) < _DEEPEST
         failed += 1
         tried = 0
@@ -581,18 +578,18 @@ def _loosen(model: Model, state: State, parts: np.ndarray,
     :param alive: bonds not cut yet, (M,) bool; updated.
     :returns: bonds to cut, and the ratio of energy to work of fracture.
     """
-    own, graph = state.blasts, state.solver.graph
+    own, graph, aim = state.blasts, state.solver.graph, model.settings.debris_bodies
     touching = graph.neighbours(parts)
     touching = touching[alive[touching]]
     surplus = _energy(state, parts) / np.maximum(_bond_work(graph, touching)[parts], 1e-9)
     cell = np.full(graph.count + 1, -1)
-    single = np.argsort(-surplus, kind='stable')[:min(own.single_left, _MOST_SINGLE // 4)]
+    single = np.argsort(-surplus, kind='stable')[:min(own.single_left, aim // 4)]
     single = single[surplus[single] > _SURPLUS]
     own.single_left -= len(single)
     clumped = np.delete(np.arange(len(parts)), single)
     if len(clumped):
         rng = np.random.default_rng([len(parts), int(parts[0])])
-        size = max(_CLUMP, -(-len(clumped) // _MOST_CLUMPS))
+        size = max(_CLUMP, -(-2 * len(clumped) // aim))
         seeds = rng.choice(clumped, -(-len(clumped) // size), replace=False)
         places = model.blueprint.poses[parts, :3]
         cell[parts[clumped]] = cells.nearest(places[clumped], places[seeds])

@@ -47,7 +47,6 @@ _ASIDE = 0.35       # radial speed away from the charge over that out of the wal
 _FREE = 0.25        # [m] before a face that is open to the gas
 _NEAR = 0.5         # [m] around the broken parts, in which other parts may cover their faces
 _MIDDLE = 0.03      # [m] from the charge along the way out, up to which both directions are equal
-_BODIES = 200       # awake bodies aimed at: the more there are, the coarser the pieces
 _FEWEST = 3         # pieces of a charge beyond that budget
 _SOON = 1.0         # [s] within which other charges share the budget
 _QUARTERS = 4       # pieces of a broken brick
@@ -100,7 +99,7 @@ def _throw(model: Model, state: State, light: np.ndarray, heavy: np.ndarray, pla
     :param light: parts to throw, the nearest first, (L,); heavy: parts to cut loose, (H,).
     :returns: the momentum of the thrown parts [N·s], (3,).
     """
-    source, free, room = model.blueprint, _free_faces(model, state, light), _room(state)
+    source, free, room = model.blueprint, _free_faces(model, state, light), _room(model, state)
     broken = np.zeros(len(light), bool)
     small = np.flatnonzero(_breakable(source, light))
     broken[small[:max(room - len(light), 0) // (_QUARTERS - 1)]] = True
@@ -153,10 +152,11 @@ def _burst_panes(model: Model, state: State, panes: np.ndarray, away: np.ndarray
         for pane, out in zip(panes.tolist(), way)], Cause.DEMOLITION)
 
 
-def _room(state: State) -> int:
+def _room(model: Model, state: State) -> int:
     """Estimate the number of pieces into which a charge may break the masonry in its reach."""
     soon = sum(moment < state.time + _SOON for moment, _, _ in state.charges)
-    return max((_BODIES - len(state.world.awake)) // (soon + 1), _FEWEST)
+    room = model.settings.debris_bodies - len(state.world.awake)
+    return max(room // (soon + 1), _FEWEST)
 
 
 def _breakable(source: Blueprint, parts: np.ndarray) -> np.ndarray:

@@ -22,7 +22,7 @@ let go by an impulse, whose tree answers in another way than it was solved for. 
 this work by what undoing overlaps takes.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -46,7 +46,6 @@ from procphys_ros.simulation.wall_loads import DEBRIS_INTERVAL, SMOOTHING
 _ROUNDING = 1e-5  # [J/kg] gain allowed per step
 _SOLVED = 0.02    # relative accuracy of the solution of contacts
 _HEAVY = 200.0    # [N] on one brick; smaller forces, such as of twigs in the wind, load no wall
-_CHANGE = 0.02    # of the largest load: smaller changes need no new stresses
 _LEAST = 1.0      # [N] below which a force is dropped
 _LAYER = 'branches'
 _FRICTION = 0.6  # bark on soil, brick or bark
@@ -167,28 +166,8 @@ def press_walls(model: Model, state: State, dt: float) -> None:
     own.since += dt
     if own.since > DEBRIS_INTERVAL - 1e-9 or not len(own.parts):
         own.since = 0.0
-        _hand_over(state, standing)
-
-
-def _hand_over(state: State, standing: np.ndarray) -> None:
-    """Apply the lasting loads to the walls if they have changed."""
-    own = state.branch_loads
-    heavy = standing[own.parts] & (norm(own.mean[:, :3], axis=1) > _HEAVY)
-    parts, mean = own.parts[heavy], own.mean[heavy]
-    now, none = dict(zip(parts.tolist(), mean)), np.zeros(6)
-    both = np.array(sorted(now.keys() | own.given.keys()), np.intp)
-    change = [now.get(part, none) - own.given.get(part, none) for part in both.tolist()]
-    if _largest(state, both, change) > _CHANGE * _largest(state, parts, mean):
-        own.given = now
-        state.loads.set_layer(_LAYER, parts, mean)
-
-
-def _largest(state: State, parts: np.ndarray, wrenches: Sequence[np.ndarray]) -> float:
-    """Return the largest force on a part, or moment over its reach [N]."""
-    force, moment = np.split(np.reshape(wrenches, (-1, 6)), 2, axis=1)
-    lever = state.solver.graph.reach[parts]
-    return float(max(norm(force, axis=1).max(initial=0.0),
-                     (norm(moment, axis=1) / lever).max(initial=0.0)))
+        heavy = standing[own.parts] & (norm(own.mean[:, :3], axis=1) > _HEAVY)
+        state.loads.follow(_LAYER, own.parts[heavy], own.mean[heavy])
 
 
 def _per_part(parts: np.ndarray,

@@ -46,8 +46,8 @@ _SPIN = 3.0          # [rad/s] the same of their spin
 _PIECES = 4          # its square is about the number of shards of a pane
 _MANY = 40           # panes broken at once, above which each breaks into fewer pieces
 FEWEST = 2           # the same when the budget of bodies is nearly used up
-SHARDS = 64          # awake shards aimed at: the more there are, the fewer does a pane break into
-BODIES = 300         # awake bodies up to which shards are made; beyond, cracked panes wait
+_SHARE = 0.25        # of the bodies aimed at that may be shards: the more there are, the fewer
+#                      does a pane break into
 _MOST = 4            # panes that fall out in one step: their piece is made anew each time
 _NEAR = 0.02         # [m] from a pane, within which a contact of its piece is on the glass
 _JUST_OVER = 1.01    # load of a pane in a bent frame
@@ -195,8 +195,9 @@ def shatter_loose(model: Model, state: State) -> bool:
     rows = np.flatnonzero(own.load > 1.0)
     awake = state.world.awake
     own.shards = own.shards[np.isin(own.shards, awake)]
-    room = max(SHARDS - len(own.shards), 0)
-    chosen = rows[:min(_MOST, max(room, BODIES - len(awake)) // (FEWEST * FEWEST))]
+    aim = model.settings.debris_bodies
+    room = max(int(_SHARE * aim) - len(own.shards), 0)
+    chosen = rows[:min(_MOST, max(room, aim - len(awake)) // (FEWEST * FEWEST))]
     if not len(chosen):
         return False
     pieces = min(max(int(np.sqrt(room / len(rows))), FEWEST), _PIECES)

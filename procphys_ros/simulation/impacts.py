@@ -62,7 +62,6 @@ _WORK = 1000        # ... parts broken in one step, about 8 µs each; the rest f
 #                    stopped fully before it breaks, so lumps do not wait
 _COARSE = 8         # cells per broken distant piece and step, at most
 _COARSER = 8        # size of the smallest distant pieces over that of near ones
-_BODIES = 240       # awake bodies aimed at: the more there are, the coarser pieces break
 _LARGE = 70        # pieces allowed, however many bricks are flying: no storey falls in one piece
 _LUMP = 10.0       # of the mean size of pieces: larger ones, 24 at most, break into such lumps
 #                    at once and beyond any budget, ...
@@ -162,11 +161,11 @@ def step(model: Model, state: State, dt: float) -> None:
     begun, fall = Begun(state.rubble.poses, state.rubble.velocities), model.gravity * dt
     change = change_by_contacts(state.world, *begun, fall)
     struck = struck_bodies(state.world, change)
-    state.rubble.waiting += overloading(model, state, struck, _grain(state), dt)
+    state.rubble.waiting += overloading(model, state, struck, _grain(model, state), dt)
     if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
         return
     share = np.ones(len(struck))
-    grain, room = _grain(state), _room(state)
+    grain, room = _grain(model, state), _room(model, state)
     splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
               >= 2.0 * (grain if room >= 2 else _LUMP * grain))
     broken = []
@@ -253,18 +252,19 @@ def _wrenches(model: Model, state: State, blow: PieceBlow) -> np.ndarray:
                   model.blueprint.poses[parts])
 
 
-def _room(state: State) -> int:
+def _room(model: Model, state: State) -> int:
     """Return the number of bodies that may be added to the awake ones."""
     size, awake = state.bodies.size, state.world.awake
-    large = size[awake[awake < len(size)]] >= _grain(state)
-    return max(_BODIES - len(awake), _LARGE - int(np.count_nonzero(large)))
+    large = size[awake[awake < len(size)]] >= _grain(model, state)
+    return max(model.settings.debris_bodies - len(awake),
+               _LARGE - int(np.count_nonzero(large)))
 
 
-def _grain(state: State) -> float:
+def _grain(model: Model, state: State) -> float:
     """Return the mean size of the pieces when all moving ones are broken within the budget."""
     awake = state.world.awake
     awake = awake[awake < len(state.bodies.size)]
-    return max(float(state.bodies.size[awake].sum()) / _BODIES, 1.0)
+    return max(float(state.bodies.size[awake].sum()) / model.settings.debris_bodies, 1.0)
 
 
 def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,

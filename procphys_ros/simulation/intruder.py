@@ -25,6 +25,7 @@ from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import ALIKE
 from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
 from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import breaking, masonry
@@ -38,7 +39,6 @@ _THROUGH = 0.03  # [m] penetration of a wall until the bricks in the way come ou
 _FIRST = 100.0   # [N] ... with a force that starts at this value, ...
 _MORE = 1.5      # ... and is multiplied by this factor whenever the wall has withstood it
 _STILL = 1e-3    # [m/s] slower intruders do not wake resting debris
-_ALIKE = 0.7     # least cosine between pushes on bricks that come out together
 _SPACING = 0.25  # [radii] between balls that approximate a capsule, to 1 % of the radius
 
 
@@ -179,7 +179,7 @@ def _together(depth: np.ndarray, normal: np.ndarray) -> Iterator[np.ndarray]:
     for rows in (np.flatnonzero(depth > _YIELD),
                  np.flatnonzero((depth > 0.0) & (depth <= _YIELD))):
         while len(rows):
-            alike = product(normal[rows], normal[rows[0]]) > _ALIKE
+            alike = product(normal[rows], normal[rows[0]]) > ALIKE
             yield rows[alike]
             rows = rows[~alike]
 

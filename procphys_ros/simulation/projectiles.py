@@ -23,7 +23,7 @@ from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.impact import ALIKE, contact_time
 from procphys_ros.physics.loads import (
     Hits,
     sweep_box_boxes,
@@ -46,7 +46,6 @@ _SLOW = 0.3          # [m/s] closing speed below which the world's contacts hand
 _DENT = 0.015        # [m] parts touched within this depth are struck together
 _FLAT = 0.9998       # cosine of 1°: least one between normals of faces that meet flat
 _FLUSH = 1e-5        # [m] depth within which touches determine the normal of the wall
-_ALIKE = 0.7         # least cosine between the normals of such touches
 _MOST_HITS = 150     # in one step
 _SHARES = (0.7,) * 7 + (0.0,)  # shares of a blow kept, in turn, while it would create energy
 _MOST_FLYING = 200   # projectiles since the last reset
@@ -196,7 +195,7 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
     if not len(wall):
         return None
     depth = _depth(wall, way)
-    together = (depth < _DENT) & (product(wall.normal, wall.normal[0]) > _ALIKE)
+    together = (depth < _DENT) & (product(wall.normal, wall.normal[0]) > ALIKE)
     panes = model.glass.is_pane[wall.index]
     return _take(wall, together & (panes == panes[0])), False
 

@@ -85,14 +85,12 @@ class BranchLoads:
     :ivar parts: loaded ones, (K,).
     :ivar mean: smoothed force on each, and moment about its centre [N], [N·m], world, (K, 6).
     :ivar blow: excess over it within a period of a wall [N·s], [N·m·s], world, (K, 6).
-    :ivar given: force and moment per part as set in the stress solver [N], [N·m].
-    :ivar since: time since the last update of `given` [s].
+    :ivar since: time since the loads were last compared with those that the solver has [s].
     """
 
     parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     mean: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     blow: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
-    given: dict[int, np.ndarray] = field(default_factory=dict)
     since: float = 0.0
 
 
@@ -202,14 +200,12 @@ class RubbleState:
     :ivar velocities, poses: of all bodies just before that step, by id, (B, 6), (B, 7).
     :ivar waiting: blows to pieces that are judged in the next step.
     :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
-    :ivar given: wrench of all bodies as set in the stress solver, (N, 6).
     :ivar borne: by body, its parts and samples of the contact forces on it.
-    :ivar since, unsampled: time since the update of `given`, and since the last sample [s].
+    :ivar since, unsampled: time since the loads were last compared, and since the last sample [s].
     :ivar touches: the last step with a test for contact of bodies with masonry, and its result.
     """
 
     moving: np.ndarray
-    given: np.ndarray
     velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     waiting: list[PieceBlow] = field(default_factory=list)
@@ -283,18 +279,9 @@ class ClimberState:
     Anchors of climbing plants.
 
     :ivar holds: anchors that still hold, (K,) bool.
-    :ivar given: forces on the hosts, as last applied to walls [N], (K, 3).
-    :ivar fresh: whether walls must be loaded again, however small the change.
     """
 
     holds: np.ndarray
-    given: np.ndarray
-    fresh: bool = True
-
-    @classmethod
-    def of(cls, count: int) -> 'ClimberState':
-        """Make the state of `count` anchors, all holding."""
-        return cls(np.ones(count, bool), np.zeros((count, 3)))
 
 
 @dataclass
@@ -417,7 +404,7 @@ class State:
             trees=TreeState(np.zeros((len(forest), 3)), lod=lod, start_poses=forest.poses.copy(),
                             faded_air=np.zeros((len(forest), 3))),
             blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
-            rubble=RubbleState(np.zeros((count, 6)), np.zeros((count, 6))),
+            rubble=RubbleState(np.zeros((count, 6))),
             glass=GlassState(np.zeros(len(model.glass.parts))),
             leaves=LeafState(
                 FallingLeaves(model.gravity, (_FALL_SEED << 64) + model.seed),
@@ -425,7 +412,8 @@ class State:
                 leaves.first.copy(), leaves.queue_speed[leaves.first], np.zeros(len(forest))),
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
                                      model.gravity, model.terrain) if dust.enabled else None),
-            climbers=ClimberState.of(len(trees.climbers.row)), blueprints=[model.blueprint])
+            climbers=ClimberState(np.ones(len(trees.climbers.row), bool)),
+            blueprints=[model.blueprint])
         state.intruders = {name: IntruderState() for name in model.intruders}
         if forest.has_sagged:
             state.parts.poses[forest.parts] = forest.poses

@@ -43,8 +43,6 @@ _CALM = 0.5      # [s] at rest, after which a branch counts as lying
 _LOW = 0.3       # [m] height of the lowest segment of a branch that has come down
 _DOWN = 1.0      # [s] until a fallen branch becomes rigid: after impact and springback
 _LONGEST = 8.0   # [s] from coming off, after which a branch becomes rigid anyway
-_HOLD_CHANGE = 0.25  # of the largest load: smaller changes need no new stresses
-_HOLD_LEAST = 50.0   # [N] likewise
 _HOLD_LAYER = 'climbers'
 
 
@@ -282,19 +280,12 @@ def step_climbers(model: Model, state: State, dt: float) -> None:
 
 def load_climbed_walls(model: Model, state: State) -> None:
     """Apply the pull of climbing plants to walls if it has changed much."""
-    climbers, own = model.trees.climbers, state.climbers
-    chosen = np.flatnonzero(own.holds & (climbers.host_row < 0))
-    force = np.zeros((len(own.holds), 3))
-    force[chosen] = -_pulls(state.forest, climbers.row[chosen])
-    change = np.abs(force - own.given).max(initial=0.0)
-    known = max(_HOLD_CHANGE * np.abs(own.given).max(initial=0.0), _HOLD_LEAST)
-    if change <= known and not own.fresh:
-        return
-    own.given, own.fresh = force, False
+    climbers = model.trees.climbers
+    chosen = np.flatnonzero(state.climbers.holds & (climbers.host_row < 0))
+    force = -_pulls(state.forest, climbers.row[chosen])
     host = climbers.anchors.host[chosen]
     arm = climbers.place[chosen] - model.blueprint.poses[host, :3]
-    state.loads.set_layer(_HOLD_LAYER, host, np.hstack([force[chosen],
-                                                        np.cross(arm, force[chosen])]))
+    state.loads.follow(_HOLD_LAYER, host, np.hstack([force, np.cross(arm, force)]))
 
 
 def _let_go(model: Model, state: State) -> None:
@@ -310,7 +301,6 @@ def _let_go(model: Model, state: State) -> None:
     if not loose.any():
         return
     lost = held[loose]
-    own.fresh = True
     breaking.break_holds(model, state, lost, np.maximum(load[loose], 1.0), grows[loose])
 
 

@@ -34,8 +34,7 @@ _WIND_LAYER = 'wind'
 SMOOTHING = 0.1         # [s] over which impulses of moving bodies count as a steady load: about
 #                         two periods of a storey-high wall, which averages shorter ones
 DEBRIS_INTERVAL = 0.1   # [s] between updates of resting loads
-_DEBRIS_CHANGE = 0.05   # of the largest load: smaller changes need no new stresses, ...
-_LEAST = 100.0          # [N] ... nor do those far below the strength of a brick's joints, some kN
+_TRACE = 1.0            # [N], [N·m] at which the load of a moving body has faded
 _ROOM = 0.1             # [m] around bodies, more than they move in a contact
 DEBRIS_LAYER = 'debris'
 
@@ -132,8 +131,8 @@ def press_debris(model: Model, state: State, dt: float) -> None:
 
     Writes `state.rubble` and loads.
     """
-    own = state.rubble
-    if not ((state.bodies.members or own.given.any()) and state.standing.any()):
+    own, loaded = state.rubble, DEBRIS_LAYER in state.loads.sources
+    if not ((state.bodies.members or loaded) and state.standing.any()):
         return
     own.moving *= exp(-dt / SMOOTHING)
     if may_touch(model, state):
@@ -144,13 +143,8 @@ def press_debris(model: Model, state: State, dt: float) -> None:
         return
     own.since = 0.0
     total = own.moving + _resting(state)
-    largest = np.abs(total[:, :3]).max(initial=0.0)
-    change = np.abs(total[:, :3] - own.given[:, :3]).max(initial=0.0)
-    quiet = not len(state.world.awake) and np.abs(own.moving).max() < 1.0
-    if change > (1.0 if quiet else max(_DEBRIS_CHANGE * largest, _LEAST)):
-        own.given = total
-        parts = np.flatnonzero(total.any(axis=1))
-        state.loads.set_layer(DEBRIS_LAYER, parts, total[parts])
+    parts = np.flatnonzero(np.abs(total).max(axis=1) > _TRACE)
+    state.loads.follow(DEBRIS_LAYER, parts, total[parts])
 
 
 def may_touch(model: Model, state: State) -> bool:
@@ -194,6 +188,6 @@ def _press_parts(state: State, contacts: Contacts, rate: float, out: np.ndarray)
 
 def _resting(state: State) -> np.ndarray:
     """Return the loads of resting bodies on standing parts, (N, 6)."""
-    out = np.zeros_like(state.rubble.given)
+    out = np.zeros_like(state.rubble.moving)
     _press_parts(state, state.world.asleep, 1.0, out)
     return out

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import ALIKE
 from procphys_ros.physics.masonry import punched
 from procphys_ros.physics.world import BodyState, Contacts
 from procphys_ros.physics.world.returned_impulses import Begun, give_back, group_bodies
@@ -30,7 +31,6 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 from procphys_ros.simulation.wall_loads import part_of_body
 
-_ALIKE = 0.7   # least cosine between blows that act together
 _FAINT = 1e-9  # [N·s] keeps directions finite
 
 
@@ -122,7 +122,7 @@ def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
     left = size > _FAINT
     while left.any():
         hardest = int(np.argmax(np.where(left, size, 0.0)))
-        alike = left & (product(total, total[hardest]) >= _ALIKE * size * size[hardest])
+        alike = left & (product(total, total[hardest]) >= ALIKE * size * size[hardest])
         left &= ~alike
         direction = total[alike].sum(axis=0)
         direction /= norm(direction)

@@ -23,6 +23,9 @@ from procphys_ros.physics.masonry import StressSolver
 
 _TOGETHER = 0.1  # [s] loads that change within this time act together: about two periods of a
 #                  storey-high wall, which has not responded to the first of them before
+_NOTICED = 0.05  # of the largest force of a source: smaller changes need no new stresses, ...
+_FAINT = 50.0    # [N] ... nor do those far below the strength of a brick's joints, some kN
+_STEADY = 1e-3   # of the largest force: a load that changes by less between two looks rests
 _ROUNDS = 3      # with failures under a blow, about 0.06 s: cracks run through a panel
 #                  while it swings out, but later crumbling must not be loaded by the blow
 
@@ -44,13 +47,14 @@ class StandingLoads:
     """
 
     _layers: dict[str, tuple[np.ndarray, np.ndarray]]
+    _offered: dict[str, tuple[np.ndarray, np.ndarray]]
     _struck: list[tuple[np.ndarray, np.ndarray]]
     _waiting: np.ndarray | None
     _blows: np.ndarray | None
 
     def __init__(self, count: int):
         self._count = count
-        self._layers = {}
+        self._layers, self._offered = {}, {}
         self._struck = []
         self._speed = np.zeros(count)  # of bodies that struck, until blows end [m/s]
         self.thrown = np.zeros((count, 3))
@@ -85,6 +89,23 @@ class StandingLoads:
         same = (before is not None and np.array_equal(before[0], parts)
                 and np.array_equal(before[1], wrenches))
         self._changed |= not same and (before is not None or len(parts) > 0)
+
+    def follow(self, source: str, parts: np.ndarray, wrenches: np.ndarray) -> None:
+        """
+        Replace all loads of a source that changes all the time, once they ask for new stresses.
+
+        A load that has changed much does, and one that has come to rest.
+
+        :param source, parts, wrenches: see `set_layer`.
+        """
+        now = self._total([(parts, wrenches)])[:, :3]
+        largest = np.abs(now).max(initial=0.0)
+        told, offered = (np.abs(now - self._total([known])[:, :3]).max() for known in (
+            self.layer(source), self._offered.get(source, self.layer(''))))
+        self._offered[source] = parts, wrenches
+        rests = offered <= _STEADY * largest < told
+        if rests or not len(parts) or told > max(_NOTICED * largest, _FAINT):
+            self.set_layer(source, parts, wrenches)
 
     def remove_layer(self, source: str) -> None:
         """Remove a layer, if there is one."""
