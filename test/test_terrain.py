@@ -92,6 +92,30 @@ def test_height_normal_and_range_are_those_of_the_mesh():
     np.testing.assert_allclose(found, wanted, atol=1e-6)
 
 
+@pytest.mark.parametrize('height', [0.0, 0.7])
+def test_rays_meet_level_heights_wherever_they_come_from(height):
+    """Look down on a grid whose heights are all the same: the highest ground is everywhere."""
+    terrain = Terrain(np.full((5, 5), height), np.array([-2.0, -2.0]), 1.0)
+    rng = np.random.default_rng(8)
+    ways = rng.normal(size=(300, 3))
+    ways[:, 2] = -np.abs(ways[:, 2]) - 0.01
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    starts = np.column_stack([rng.uniform(-6.0, 6.0, (300, 2)), rng.uniform(0.8, 9.0, 300)])
+    found = [terrain.range(start, way) for start, way in zip(starts, ways)]
+    np.testing.assert_allclose(found, (height - starts[:, 2]) / ways[:, 2], rtol=1e-9)
+    assert terrain.range([0.0, 0.0, height - 0.1], ways[0]) == np.inf
+
+
+def test_rays_meet_the_ground_far_beyond_a_fine_grid():
+    """Look out of narrow cells beside a hill: the level ground is met, however far away."""
+    heights = np.zeros((5, 5))
+    heights[2, 2] = 1.0
+    terrain = Terrain(heights, np.array([-0.2, -0.2]), 0.1)
+    for turn in np.linspace(0.1, 1.4, 9):
+        way = np.array([np.cos(turn), np.sin(turn), -0.02]) / np.sqrt(1.0004)
+        assert terrain.range([0.15, 0.15, 0.8], way) == pytest.approx(40.0 * np.sqrt(1.0004))
+
+
 def test_flat_ground_is_the_plane():
     """Take ground without heights for z = 0."""
     assert FLAT.is_flat and not FLAT.height(np.ones((2, 2))).any()

@@ -191,19 +191,22 @@ def _next_line(place, way, count):
 
     :param place: start of the ray, in line spacings.
     :param way: length of the ray, in line spacings.
-    :returns: ray parameter at the first line, and between lines; inf = it crosses none.
+    :returns: ray parameter at the first line, between lines, and half a line beyond the last one;
+        inf = it crosses none.
     """
     if way == 0.0:
-        return np.inf, np.inf
+        return np.inf, np.inf, np.inf
     if way > 0.0:
         line = max(np.floor(place) + 1.0, 0.0)
         if line > count - 1.0:
-            return np.inf, np.inf
+            return np.inf, np.inf, np.inf
+        beyond = count - 0.5
     else:
         line = min(np.ceil(place) - 1.0, count - 1.0)
         if line < 0.0:
-            return np.inf, np.inf
-    return (line - place) / way, abs(1.0 / way)
+            return np.inf, np.inf, np.inf
+        beyond = -0.5
+    return (line - place) / way, abs(1.0 / way), (beyond - place) / way
 
 
 @kernel
@@ -234,12 +237,12 @@ def ray_range(terrain, bottom, top, x, y, z, dx, dy, dz, reach):
     u = (x + start * dx - terrain.low[0]) / terrain.edge
     v = (y + start * dy - terrain.low[1]) / terrain.edge
     du, dv = dx * long / terrain.edge, dy * long / terrain.edge
-    a, to_a = _next_line(u, du, h.shape[0])
-    b, to_b = _next_line(v, dv, h.shape[1])
-    c, to_c = _next_line(u + v, du + dv, h.shape[0] + h.shape[1] - 1)
+    a, to_a, past_a = _next_line(u, du, h.shape[0])
+    b, to_b, past_b = _next_line(v, dv, h.shape[1])
+    c, to_c, past_c = _next_line(u + v, du + dv, h.shape[0] + h.shape[1] - 1)
     s, over = start, z + start * dz - height_at(terrain, x + start * dx, y + start * dy)
-    if over < 0.0:
-        return np.inf
+    if over < 0.0:  # by rounding where the ray comes down on the highest ground, else from below
+        return start if start > 0.0 else np.inf
     most = 2 * (h.shape[0] + h.shape[1]) + 4
     for _ in range(most):
         share = min(min(a, b), min(c, 1.0))
@@ -251,9 +254,9 @@ def ray_range(terrain, bottom, top, x, y, z, dx, dy, dz, reach):
             break
         s, over = t, now
         if a == share:
-            a += to_a
+            a = a + to_a if a + to_a < past_a else np.inf
         if b == share:
-            b += to_b
+            b = b + to_b if b + to_b < past_b else np.inf
         if c == share:
-            c += to_c
+            c = c + to_c if c + to_c < past_c else np.inf
     return np.inf
