@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from procphys_ros.geometry import rotation
-from procphys_ros.physics.loads import find_room, gas_impulse, peak_pressure, Sight
+from procphys_ros.physics.loads import find_room, gas_impulse, heading, peak_pressure, Sight
+from procphys_ros.physics.loads.reflections import images
 
 AMBIENT = 101_325.0
 WINDOW = (1.0, 1.5)  # [m] wide and high
@@ -56,6 +57,38 @@ def test_a_room_is_measured(yaw):
     assert found.walls == pytest.approx(2 * 3.0 * 9.0 + 20.0 - 1.5, rel=0.1)
     outside = rotation.compose(turn, np.array([[0.0, -4.0, 1.0, 0, 0, 0, 1.0]]))[0, :3]
     assert find_room(outside, poses, sizes, Sight(poses, sizes)) is None
+
+
+def test_a_board_on_end_does_not_turn_the_room():
+    """Put a charge beside a board whose x is upright: its room and its images turn with it."""
+    found = []
+    on_end = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-0.5 * np.pi))
+    for yaw in (0.0, 0.6):
+        poses, sizes, turn = room(yaw)
+        board, point = rotation.compose(turn, np.array([
+            [-2.3, 0.6, 1.0, *on_end], [-2.1, 0.6, 1.0, 0.0, 0.0, 0.0, 1.0]]))
+        poses, sizes = np.vstack([poses, board]), np.vstack([sizes, [2.0, 0.8, 0.05]])
+        local = rotation.rotate(rotation.conjugate(turn[3:]), [
+            image.place - turn[:3] for image in images(point[:3], poses, sizes)])
+        found.append((find_room(point[:3], poses, sizes, Sight(poses, sizes)), local))
+    (plain, mirrored), (askew, turned) = found
+    assert (plain.volume, plain.vents) == pytest.approx((askew.volume, askew.vents))
+    np.testing.assert_allclose(turned, mirrored, atol=1e-9)
+
+
+def test_headings_are_those_of_level_edges():
+    """Lay boxes on all of their sides, turned and with a little noise: modulo a quarter turn."""
+    rng = np.random.default_rng(4)
+    sides = rotation.from_axis_angle(
+        np.eye(3)[[0, 0, 1, 1, 2]], np.pi * np.array([0.5, 1.0, 0.5, -0.5, 0.5]))
+    yaw = rng.uniform(-np.pi, np.pi, 5)
+    noise = rotation.from_axis_angle(np.eye(3)[rng.integers(0, 3, 5)], rng.normal(0.0, 1e-9, 5))
+    upright = rotation.from_axis_angle(np.tile([0.0, 0.0, 1.0], (5, 1)), yaw)
+    turned = rotation.multiply(upright, rotation.multiply(sides, noise))
+    x, y, z, w = heading(turned).T
+    assert not x.any() and not y.any()
+    np.testing.assert_allclose(np.sin(4.0 * (2.0 * np.arctan2(z, w) - yaw)), 0.0, atol=1e-7)
+    np.testing.assert_allclose(np.cos(4.0 * (2.0 * np.arctan2(z, w) - yaw)), 1.0, atol=1e-7)
 
 
 def test_walls_without_a_roof_hold_no_gas():

@@ -97,8 +97,14 @@ class Lattice:
 
 
 def heading(attitude: np.ndarray) -> np.ndarray:
-    """Return the yaw of lattices aligned with boxes, as quaternions xyzw, (..., 4)."""
+    """
+    Return the yaw of lattices aligned with boxes, as quaternions xyzw, (..., 4).
+
+    It is that of the box's x, or of its y where x is steep, as of boards on end.
+    """
     axis = rotation.rotate(attitude, np.array([1.0, 0.0, 0.0]))
+    steep = axis[..., 2:] * axis[..., 2:] > 0.5
+    axis = np.where(steep, rotation.rotate(attitude, np.array([0.0, 1.0, 0.0])), axis)
     half = 0.5 * atan2(axis[..., 1], axis[..., 0])
     turn = np.zeros(attitude.shape)
     turn[..., 2], turn[..., 3] = sin(half), cos(half)
