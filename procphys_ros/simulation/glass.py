@@ -39,7 +39,11 @@ _MODULUS = 70e9      # [Pa] the same
 _POISSON = 0.23      # the same
 _POINT_STRESS = 1.3  # stress·thickness² over a force in the middle, spread over about a thickness
 _POINT_SAG = 0.0116  # sag·stiffness/(force·edge²), square plate on supports (Timoshenko, table 23)
-_PLATE_STRESS = 0.2874  # stress·thickness²/(pressure·edge²), square plate (Roark, table 11.4)
+# Stress·thickness²/(pressure·edge²) in the middle of a plate on supports, over the ratio of its
+# longer edge to this one (Roark, table 11.4, case 1a); an endless one has 0.75.
+_RATIOS = np.array([1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 3.0, 4.0, 5.0])
+_PLATE_STRESS = np.array([
+    0.2874, 0.3762, 0.4530, 0.5172, 0.5688, 0.6102, 0.7134, 0.7410, 0.7476])
 _REACH = 0.1         # [m] glass around the striking object that responds to a blow in time
 _SPRING = 0.4        # [m/s] standard deviation of the springback speed of shards
 _SPIN = 3.0          # [rad/s] the same of their spin
@@ -74,20 +78,24 @@ class CrackedPane:
 
 def pressure(model: Model, parts: np.ndarray) -> np.ndarray:
     """Return the static pressure at which panes break [Pa], (K,)."""
-    slenderness = model.glass.edge[parts] / model.glass.thickness[parts]
-    return _STRENGTH / (_PLATE_STRESS * (slenderness * slenderness))
+    edge = model.glass.edge[parts]
+    slenderness = edge / model.glass.thickness[parts]
+    stress = np.interp(model.glass.length[parts] / edge, _RATIOS, _PLATE_STRESS)
+    return _STRENGTH / (stress * (slenderness * slenderness))
 
 
 def frequency(model: Model, parts: np.ndarray) -> np.ndarray:
     """
-    Return the lowest angular frequency of panes, square and simply supported [rad/s], (K,).
+    Return the lowest angular frequency of panes, simply supported [rad/s], (K,).
 
-    2·π²/a²·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates, 4.1). Pane
-    and contact are springs in series: the squares of their half periods add up to that of a blow.
+    π²·(1/a² + 1/b²)·√(D/(ρ·h)) with the bending stiffness D (Leissa 1969, Vibration of Plates,
+    4.1). Pane and contact are springs in series: the squares of their half periods add up to that
+    of a blow.
     """
     thick, edge = model.glass.thickness[parts], model.glass.edge[parts]
+    shape = edge / model.glass.length[parts]
     stiffness = _MODULUS * thick * thick * thick / (12.0 * (1.0 - _POISSON * _POISSON))
-    return 2.0 * (np.pi * np.pi) / (edge * edge) * np.sqrt(
+    return (1.0 + shape * shape) * (np.pi * np.pi) / (edge * edge) * np.sqrt(
         stiffness / (model.blueprint.density[parts] * thick))
 
 

@@ -117,7 +117,7 @@ class GlassModel:
 
     :ivar is_pane: whether each part is a pane, (N,) bool.
     :ivar parts: the panes, (P,).
-    :ivar thickness, edge: least and middle extent of every part [m], (N,).
+    :ivar thickness, edge, length: least, middle and largest extent of every part [m], (N,).
     :ivar thin: axis across each pane, (P,).
     :ivar pane, frame: place in `parts` of a pane, and a part that supports it, (F,).
     """
@@ -126,6 +126,7 @@ class GlassModel:
     parts: np.ndarray
     thickness: np.ndarray
     edge: np.ndarray
+    length: np.ndarray
     thin: np.ndarray
     pane: np.ndarray
     frame: np.ndarray
@@ -280,15 +281,15 @@ def _glass(blueprint: Blueprint, loose_bonds: FreeBodies) -> GlassModel:
                & (blueprint.size.min(axis=1, initial=np.inf) < _THICKEST)
                & ~broken[blueprint.kind])
     parts = np.flatnonzero(is_pane)
-    thickness, edge, _ = np.sort(blueprint.size, axis=1).T
+    thickness, edge, length = np.sort(blueprint.size, axis=1).T
     row = np.full(len(blueprint) + 1, -1)
     row[parts] = np.arange(len(parts))
     graph = loose_bonds.graph
     ends = np.concatenate([np.column_stack([graph.first, graph.second]),
                            np.column_stack([graph.second, graph.first])])
     held = row[ends[:, 0]] >= 0
-    return GlassModel(is_pane, parts, thickness, edge, np.argmin(blueprint.size[parts], axis=1),
-                      row[ends[held, 0]], ends[held, 1])
+    return GlassModel(is_pane, parts, thickness, edge, length,
+                      np.argmin(blueprint.size[parts], axis=1), row[ends[held, 0]], ends[held, 1])
 
 
 def _leaves(blueprint: Blueprint, settings: Settings, trees: TreeModel, seed: int) -> LeafModel:
