@@ -20,6 +20,7 @@ import math
 from masonry_walls import wall
 import numpy as np
 import pytest
+import trimesh
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError, SceneError
@@ -30,7 +31,9 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.readings import FIRST_INTRUDER
+from procphys_ros.simulation.spawned_parts import shards
 
 AHEAD = [0.0, 0.0, 0.0, 1.0]
 RING = spherical(1, 720, 0.01, 2.0 * math.pi)
@@ -153,6 +156,29 @@ def test_no_ray_misses_a_part(pattern):
     assert np.count_nonzero(both) > 100 and np.count_nonzero(grazing) <= 2
     close = np.abs(expected[both] - ranges[both]) < 1e-3
     assert np.count_nonzero(~close) <= 2
+
+
+def test_cut_stones_are_seen_as_they_are():
+    """Cut up stones, and take most pieces out: rays meet the hulls of the others, not boxes."""
+    rng, scene = np.random.default_rng(7), Scene()
+    for number in range(5):
+        pose = np.array([*rng.uniform(-2.0, 2.0, 2), rng.uniform(1.5, 4.0), *rng.normal(size=4)])
+        pose[3:] /= np.linalg.norm(pose[3:])
+        scene.add(shards(rng.uniform(0.8, 1.6, 3), 2000.0, pose, 'brick', 'brick', 0, rng),
+                  (0.0, 0.0, 0.0), 0.0, f'stone_{number}')
+    simulation = Simulation(scene)
+    gone = rng.random(len(simulation.blueprint)) < 0.6
+    simulation.state.parts.owner[gone] = Owner.GONE
+    scan = simulation.scan(LidarSettings(rows=24, columns=60, vertical_field=1.0,
+                                         horizontal_field=1.0, position=(-5.0, 0.2, 2.5)))
+    wanted = np.where(scan.parts < 0, scan.ranges, np.inf).ravel()
+    way = rotation.rotate(scan.pose[3:], scan.directions.reshape(-1, 3))
+    for points in simulation.blueprint.hexahedra.points(simulation.poses)[~gone]:
+        met, ray, _ = trimesh.convex.convex_hull(points).ray.intersects_location(
+            np.tile(scan.pose[:3], (len(way), 1)), way)
+        np.minimum.at(wanted, ray, np.linalg.norm(met - scan.pose[:3], axis=1))
+    assert np.count_nonzero(scan.parts >= 0) > 100
+    np.testing.assert_allclose(scan.ranges.ravel(), wanted, rtol=1e-9)
 
 
 def test_a_scene_is_seen_as_it_is_now():

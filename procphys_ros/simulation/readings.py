@@ -161,8 +161,8 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     """
     Take one scan of the scene at the present instant.
 
-    Parts are seen as their collision boxes and capsules, those in walls with the mortar around
-    them, so that no ray slips through a joint; leaves and dust are not seen.
+    Parts are seen as they collide: as boxes, capsules and hexahedra, those in walls with the
+    mortar around them, so that no ray slips through a joint; leaves and dust are not seen.
 
     :returns: None if the sensor is attached to an intruder that has not been placed.
     :raises CommandError: if these are not settings of a lidar, or there is no such intruder.
@@ -189,7 +189,7 @@ def scan(model: Model, state: State, settings: LidarSettings) -> Scan | None:
     pattern = _pattern(settings.pattern, settings.rows, settings.columns, settings.vertical_field,
                        settings.horizontal_field)
     ranges, row = cast(pattern, pose, settings.range, shapes, poses, sizes,
-                       model.terrain)
+                       model.terrain, state.blueprint.hexahedra.among(seen))
     met = np.concatenate([seen, *(np.full(len(pieces.shapes), number)
                                   for number, (pieces, _) in zip(bodies, others)), [NOTHING]])
     return Scan(pose, ranges, np.where(row < 0, row, met[row]), pattern.directions)

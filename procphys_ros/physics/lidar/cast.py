@@ -14,7 +14,7 @@
 
 
 """
-Ray casting against boxes and capsules.
+Ray casting against boxes, capsules and hexahedra.
 
 Each part is tested only by the rays that can hit it: its corners bound the rows and columns
 of the sensor that see it. Parts are sorted by distance, so that hidden parts cost a comparison.
@@ -24,8 +24,9 @@ grid of cells: most parts are hit by few rays or by none.
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape
+from procphys_ros.blueprint import Hexahedra, Shape
 from procphys_ros.compilation import kernel
+from procphys_ros.geometry.hexahedron import FACES
 from procphys_ros.geometry.linear import norm
 from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.lidar.pattern import Pattern, window
@@ -34,11 +35,13 @@ from procphys_ros.physics.terrain import FLAT, ray_range, Terrain
 GROUND, NOTHING = -1, -2  # in place of a part
 _CAPSULE = int(Shape.CAPSULE)
 _PARALLEL = 1e-12  # [-] normal component of a ray parallel to a face
+_NO_AREA = 1e-9    # [-] area of a face over the square of the largest extent, that counts as none
+_WHOLE = Hexahedra()
 
 
 def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
-         poses: np.ndarray, sizes: np.ndarray,
-         terrain: Terrain = FLAT) -> tuple[np.ndarray, np.ndarray]:
+         poses: np.ndarray, sizes: np.ndarray, terrain: Terrain = FLAT,
+         hexahedra: Hexahedra = _WHOLE) -> tuple[np.ndarray, np.ndarray]:
     """
     Measure the range to the first part, or to the ground, along each ray.
 
@@ -51,6 +54,8 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
     :param poses: world, (N, 7).
     :param sizes: as in `Blueprint.size` [m], (N, 3).
     :param terrain: the surface of the ground.
+    :param hexahedra: the boxes that are not rectangular; their faces lie as far outside of these
+        corners as those of the boxes of `sizes`.
     :returns: ranges [m], inf = no hit, (V, H), and the row of the part hit, `GROUND` or
         `NOTHING`, (V, H) int32.
     """
@@ -65,8 +70,11 @@ def cast(pattern: Pattern, pose: np.ndarray, reach: float, shapes: np.ndarray,
         _ground(pattern.directions, pose, reach, ranges, hit)
     else:
         _over_terrain(terrain, *terrain.bounds(), pattern.directions, pose, reach, ranges, hit)
+    form = np.full(len(shapes), -1)
+    form[hexahedra.part] = np.arange(len(hexahedra))
     _cast(pattern, pose, reach, order, (away - radius)[order], np.asarray(shapes, np.uint8),
-          np.asarray(poses, float), np.asarray(sizes, float), ranges, hit)
+          np.asarray(poses, float), np.asarray(sizes, float), form, hexahedra.corners, ranges,
+          hit)
     return ranges, hit
 
 
@@ -93,11 +101,12 @@ def _over_terrain(terrain, bottom, top, directions, pose, reach, ranges, hit):
 
 
 @kernel
-def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, ranges, hit):
+def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, form, corners, ranges, hit):
     rows, columns = ranges.shape
     u, v, w = matrix_rows(pose[3:])
     turn = 2.0 * np.pi
     turns = 0 if pattern.is_pinhole else 1
+    planes = np.empty((6, 4))
     for n in range(len(order)):
         k = order[n]
         offset = (poses[k, 0] - pose[0], poses[k, 1] - pose[1], poses[k, 2] - pose[2])
@@ -114,6 +123,8 @@ def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, ranges, hi
         top = max(0.0, np.ceil(rows * (0.5 - high / pattern.height) - 0.5))
         bottom = min(rows - 1.0, np.floor(rows * (0.5 - low / pattern.height) - 0.5))
         origin = (-_dot(x, centre), -_dot(y, centre), -_dot(z, centre))
+        if form[k] >= 0:
+            _find_planes(corners[form[k]], half, planes)
         for way in range(-turns, turns + 1):  # the seam behind the sensor lies between turns
             shift = middle + way * turn
             first = np.ceil(columns * (0.5 - (left + shift) / pattern.width) - 0.5)
@@ -128,6 +139,8 @@ def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, ranges, hi
                     ray = (_dot(x, d), _dot(y, d), _dot(z, d))
                     if shapes[k] == _CAPSULE:
                         far = _to_capsule(origin, ray, half[0], max(half[2] - half[0], 0.0))
+                    elif form[k] >= 0:
+                        far = _to_hexahedron(origin, ray, half, planes)
                     else:
                         far = _to_box(origin, ray, half)
                     if 0.0 < far <= reach and far < ranges[i, j]:
@@ -147,16 +160,70 @@ def _to_frame(u, v, w, a):
 
 
 @kernel
-def _to_box(origin, ray, half):
-    """Return the range to a box about the origin of its axes, inf = a miss (slab method)."""
+def _through_box(origin, ray, half):
+    """Return the ranges at which a ray enters and leaves a box (slab method)."""
     enter, leave = -np.inf, np.inf
     for a in range(3):
         if abs(ray[a]) < _PARALLEL:
             if abs(origin[a]) > half[a]:
-                return np.inf
+                return np.inf, -np.inf
             continue
         one, other = (-half[a] - origin[a]) / ray[a], (half[a] - origin[a]) / ray[a]
         enter, leave = max(enter, min(one, other)), min(leave, max(one, other))
+    return enter, leave
+
+
+@kernel
+def _to_box(origin, ray, half):
+    """Return the range to a box about the origin of its axes, inf = a miss."""
+    enter, leave = _through_box(origin, ray, half)
+    return enter if enter <= leave and enter > 0.0 else np.inf
+
+
+@kernel
+def _find_planes(corners, half, planes):
+    """
+    Write the planes of the faces of a hexahedron: unit normals outwards, and heights along them.
+
+    :param corners: x y z eight times, as in `Hexahedra` [m], (24,).
+    :param half: of the box about it, whose faces lie as far outside of the corners [m], (3,).
+    """
+    largest = 2.0 * max(half[0], half[1], half[2])
+    beyond = half[0]
+    for i in range(8):
+        beyond = min(beyond, half[0] - abs(corners[3 * i]))
+    for f in range(6):
+        p, q, r, s = 3 * FACES[f, 0], 3 * FACES[f, 1], 3 * FACES[f, 2], 3 * FACES[f, 3]
+        a = (corners[r] - corners[p], corners[r + 1] - corners[p + 1],
+             corners[r + 2] - corners[p + 2])
+        b = (corners[s] - corners[q], corners[s + 1] - corners[q + 1],
+             corners[s + 2] - corners[q + 2])
+        n = (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+        length = np.sqrt(_dot(n, n))
+        planes[f] = 0.0
+        if length <= _NO_AREA * largest * largest:
+            continue
+        planes[f, 3] = -np.inf
+        for k in range(3):
+            planes[f, k] = n[k] / length
+        for at in (p, q, r, s):
+            here = (corners[at], corners[at + 1], corners[at + 2])
+            planes[f, 3] = max(planes[f, 3], _dot(planes[f], here) + beyond)
+
+
+@kernel
+def _to_hexahedron(origin, ray, half, planes):
+    """Return the range to a hexahedron within a box about the origin of its axes, inf = a miss."""
+    enter, leave = _through_box(origin, ray, half)
+    for f in range(6):
+        rate, depth = _dot(planes[f], ray), planes[f, 3] - _dot(planes[f], origin)
+        if abs(rate) < _PARALLEL:
+            if depth < 0.0:
+                return np.inf
+        elif rate > 0.0:
+            leave = min(leave, depth / rate)
+        else:
+            enter = max(enter, depth / rate)
     return enter if enter <= leave and enter > 0.0 else np.inf
 
 
