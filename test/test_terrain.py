@@ -16,6 +16,7 @@
 """Terrain: one surface for bodies, branches, rays, dust and wind; objects stand on it."""
 
 from lowest_points import lowest
+from masonry_walls import bonded
 import numpy as np
 from PIL import Image
 import pytest
@@ -34,6 +35,7 @@ from procphys_ros.physics.wind import Wind, WindSettings
 from procphys_ros.physics.world import installed_engines, World
 from procphys_ros.physics.world.rolling import ROLLING
 from procphys_ros.scene import Scene
+from procphys_ros.scene.placement import stand_on
 from procphys_ros.scene.strikes import Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
@@ -307,6 +309,19 @@ def test_a_wall_stands_on_footings():
     simulation = Simulation(scene)
     simulation.step(5)
     assert not simulation.warnings and not len(simulation.events)
+
+
+@pytest.mark.parametrize('yaw', [0.0, 0.7, 2.0])
+def test_no_wall_is_buried_by_a_peak_between_samples(yaw):
+    """Stand a closed wall over one peak of a coarse grid: it is raised to the peak, no higher."""
+    heights = np.zeros((5, 5))
+    heights[2, 2] = 1.0
+    terrain = Terrain(heights, np.array([-19.1, -20.7]), 10.0)
+    ring = np.array([[x, y, 0.1] for x in np.linspace(-2.0, 2.0, 11) for y in (-2.0, 2.0)]
+                    + [[x, y, 0.1] for y in np.linspace(-1.6, 1.6, 9) for x in (-2.0, 2.0)])
+    built = bonded(ring, (0.38, 0.2, 0.2), gap=0.25)
+    raised = stand_on(terrain, built.placed((0.3, -0.2, 0.0), yaw), 'ring')
+    assert raised.poses[0, 2] == pytest.approx(1.1)
 
 
 def test_doors_stand_on_footings():

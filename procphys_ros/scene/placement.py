@@ -127,10 +127,37 @@ def _highest(terrain: Terrain, placed: Blueprint, parts: np.ndarray) -> float:
     reach = 0.5 * hypot(placed.size[parts, 0], placed.size[parts, 1]).max()
     local = product(placed.poses[parts, :2], turn)
     low, high = local.min(axis=0) - reach, local.max(axis=0) + reach
-    counts = np.ceil((high - low) / (0.25 * terrain.edge)).astype(int) + 2
-    x, y = (np.linspace(low[a], high[a], min(int(counts[a]), 400)) for a in (0, 1))
-    grid = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    return float(terrain.height(product(grid, turn.T)).max())
+    plan = product(np.array([low, [high[0], low[1]], high, [low[0], high[1]]]), turn.T)
+    grid = _grid_points(terrain, plan)
+    inside = product(grid, turn)
+    inside = ((inside >= low) & (inside <= high)).all(axis=1)
+    points = np.vstack([_creases(terrain, plan), grid[inside]])
+    return float(terrain.height(points).max())
+
+
+def _creases(terrain: Terrain, plan: np.ndarray) -> np.ndarray:
+    """
+    Find the points where the outline of a plan crosses edges of the triangles of the ground.
+
+    :param plan: its corners [m], (P, 2).
+    :returns: these points and the corners [m], (K, 2).
+    """
+    found = [plan]
+    for start, end in zip(plan, np.roll(plan, -1, axis=0)):
+        one, other = ((point - terrain.low) / terrain.edge for point in (start, end))
+        for first, last in ((one[0], other[0]), (one[1], other[1]), (one.sum(), other.sum())):
+            lines = np.arange(math.ceil(min(first, last)), max(first, last))
+            if len(lines):
+                found.append(start + ((lines - first) / (last - first))[:, None] * (end - start))
+    return np.vstack(found)
+
+
+def _grid_points(terrain: Terrain, plan: np.ndarray) -> np.ndarray:
+    """List the corners of cells within the bounds of a plan, (P, 2), as (K, 2) [m]."""
+    first = np.floor((plan.min(axis=0) - terrain.low) / terrain.edge).astype(int)
+    last = np.ceil((plan.max(axis=0) - terrain.low) / terrain.edge).astype(int)
+    x, y = (terrain.low[a] + terrain.edge * np.arange(first[a], last[a] + 1) for a in (0, 1))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
 def _heading(pose: np.ndarray) -> float:
