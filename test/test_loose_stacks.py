@@ -15,12 +15,13 @@
 """Loose stacks at the default time step stand and fall as statics says, with every engine."""
 
 from loose_bricks import at, BRICK, BRICK_MASS, DT, G, heap, nudged, rest
+from masonry_walls import bonded
 import numpy as np
 import pytest
 
 from procphys_ros.blueprint import Hexahedra, Shape
 from procphys_ros.geometry import rotation
-from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.air import AIR_DENSITY, CUBE_DRAG
 from procphys_ros.physics.world import BodyState, FRICTION, installed_engines, World
 from procphys_ros.physics.world.rolling import ROLLING
 from procphys_ros.scene import Scene
@@ -191,3 +192,18 @@ def test_rubble_wakes_in_a_storm_but_not_in_a_breeze():
     simulation.set_wind([60.0, 0.0, 0.0])
     simulation.step(60)
     assert simulation.poses[box, 0] > place[0] + 0.5
+
+
+def test_wind_blows_on_the_outside_of_a_piece_of_wall():
+    """Let a cube of 125 bonded blocks fall in a storm: it is pushed like one block of its size."""
+    edge = 0.2 * np.arange(5)
+    built = bonded(np.stack(np.meshgrid(edge, edge, edge), -1).reshape(-1, 3), (0.2, 0.2, 0.2),
+                   ground=False)
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'wind': {
+        'velocity': [40.0, 0.0, 0.0], 'profile': 'uniform', 'turbulence_intensity': 0.0}})
+    scene.add(built, (0.0, 0.0, 5.0), 0.3, 'cube')
+    simulation = Simulation(scene)
+    simulation.step()
+    force = 0.5 * AIR_DENSITY * CUBE_DRAG * 1.5 * 40.0 ** 2
+    assert simulation.velocities[0, 0] == pytest.approx(
+        force / built.mass.sum() * simulation.time_step, rel=0.01)

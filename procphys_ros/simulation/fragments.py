@@ -35,7 +35,7 @@ from procphys_ros.physics.world import (
     rigid_sum,
 )
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.parts import box_drag, Owner
 from procphys_ros.simulation.state import State
 
 _WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
@@ -187,8 +187,27 @@ def _enter(state: State, body: int, parts: np.ndarray, local: np.ndarray) -> Non
         more = 2 * body + 1 - len(known.drag_area)
         known.drag_area = np.concatenate([known.drag_area, np.zeros(more)])
         known.size = np.concatenate([known.size, np.zeros(more, np.intp)])
-    known.drag_area[body] = columns.drag_area[parts].sum()
+    known.drag_area[body] = _drag_area(state, parts, local)
     known.size[body] = len(parts)
+
+
+def _drag_area(state: State, parts: np.ndarray, local: np.ndarray) -> float:
+    """
+    Return the mean drag area of a body [m²]: of its boxes no more than that of a box about them.
+
+    :param local: poses of the parts in the body, (P, 7).
+    """
+    columns = state.parts
+    area = columns.drag_area[parts]
+    boxes = np.flatnonzero(columns.shape[parts] == Shape.BOX)
+    if len(boxes) < 2:
+        return float(area.sum())
+    largest = boxes[np.argmax(area[boxes])]  # axes of inertia may lie askew
+    poses = rotation.relative(local[largest], local[boxes])
+    reach = 0.5 * np.einsum('nij,nj->ni', np.abs(rotation.to_matrix(poses[:, 3:])),
+                            columns.solid_size[parts[boxes]])
+    extent = (poses[:, :3] + reach).max(axis=0) - (poses[:, :3] - reach).min(axis=0)
+    return float(area.sum() - max(area[boxes].sum() - box_drag(*extent), 0.0))
 
 
 def wake_in_wind(model: Model, state: State, dt: float) -> None:

@@ -252,6 +252,11 @@ def columns_of(source: Blueprint) -> dict[str, np.ndarray]:
         'local': np.zeros((count, 7)), 'moved': np.zeros(count, bool)}
 
 
+def box_drag(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Return the mean drag area of boxes of full extents x, y, z over all attitudes [m²], (N,)."""
+    return CUBE_DRAG * 0.5 * (x * y + y * z + z * x)
+
+
 def drag_area(blueprint: Blueprint) -> np.ndarray:
     """
     Return the mean drag area Cd·A of each part over all attitudes [m²], (N,).
@@ -259,7 +264,7 @@ def drag_area(blueprint: Blueprint) -> np.ndarray:
     The mean projected area of a convex body is a quarter of its surface (Cauchy).
     """
     x, y, z = blueprint.visual_size.T
-    box = CUBE_DRAG * 0.5 * (x * y + y * z + z * x)
+    box = box_drag(x, y, z)
     rod = CYLINDER_DRAG * _SIDE_MEAN * 0.5 * (x + y) * z
     solid = np.where(blueprint.shape == Shape.BOX, box, rod)
     return solid + FOLIAGE_DRAG * blueprint.leaf_area
