@@ -28,6 +28,7 @@ from procphys_ros.export import export
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.lidar import cast, spherical
 from procphys_ros.physics.lidar import GROUND as GROUND_HIT
+from procphys_ros.physics.loads import exposed_faces
 from procphys_ros.physics.skyline import keep_out, Skyline
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.touch import meet_ground
@@ -397,6 +398,19 @@ def test_wind_follows_the_ground():
     raised = points + terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
     np.testing.assert_allclose(Wind(settings, 3, terrain=terrain).velocity(raised, 2.0),
                                Wind(settings, 3).velocity(points, 2.0), atol=1e-9)
+
+
+@pytest.mark.parametrize('heading', [0.0, 1.3, 4.0])
+def test_wind_reaches_walls_on_a_slope_as_on_a_plain(heading):
+    """Stand boxes on hillsides: rising ground 25 m away covers none of their faces."""
+    poses = np.array([[x, y, z, *LEVEL] for x in (0.0, 0.9) for y in (0.0, 5.0)
+                      for z in (0.5, 1.5)])
+    sizes = np.full((8, 3), [0.9, 0.3, 1.0])
+    level = exposed_faces(poses, sizes)
+    terrain = slope(0.3, heading)
+    poses[:, 2] += terrain.height(poses).max()
+    np.testing.assert_array_equal(exposed_faces(poses, sizes, terrain=terrain), level)
+    assert 0 < np.count_nonzero(level) < level.size
 
 
 def test_strikes_count_from_the_ground():

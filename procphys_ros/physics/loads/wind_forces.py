@@ -53,7 +53,8 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
     Mark the faces exposed to wind: neither boxes nor the ground are in front of them.
 
     A face towards a room sees the opposite wall, so it is not exposed (internal pressure 0). This
-    casts a ray per face: recompute it only after boxes have moved or broken.
+    casts a ray per face: recompute it only after boxes have moved or broken. The wind follows the
+    ground, so that counts as level in front of each face: hills shelter nothing.
 
     :param poses: (N, 7) [m], xyzw, world.
     :param sizes: full extents, (N, 3) [m].
@@ -68,7 +69,7 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
     free = (sight or Sight(poses, sizes)).clear(one.centre + _OFF_FACE * one.normal, ahead,
                                                 one.owner)
     exposed = np.zeros((len(poses), 6), bool)
-    exposed[one.owner, one.face] = free & (ahead[:, 2] > terrain.height(ahead))
+    exposed[one.owner, one.face] = free & (ahead[:, 2] > terrain.height(one.centre))
     return exposed
 
 

@@ -105,7 +105,7 @@ class Gust:
     Describe one discrete gust, which crosses the scene as a front.
 
     :ivar amplitude: peak of a cosine gust, V_gust of an EOG (whose peak is 0.74 of it, and
-        whose dips are 0.24 of it) [m/s]; negative = a lull.
+        whose dips are 0.27 of it) [m/s]; negative = a lull.
     :ivar duration: from first change to last [s]; an EOG of IEC 61400-1 has 10.5.
     :ivar rise: rise time, and fall time, of a cosine gust [s]; None = half the duration.
     :ivar direction: of the gust's velocity and travel, (3,), world; None = the mean wind's.
