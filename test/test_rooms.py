@@ -76,6 +76,20 @@ def test_a_board_on_end_does_not_turn_the_room():
     np.testing.assert_allclose(turned, mirrored, atol=1e-9)
 
 
+def test_a_wide_hall_is_closed_whichever_way_it_faces():
+    """Turn a hall of 28 x 28 m by 45°, so that its corners lie 20 m away along the axes."""
+    across = np.repeat([-14.1, 14.1], 29), np.tile(np.linspace(-14.0, 14.0, 29), 2)
+    walls = np.column_stack([np.concatenate(across), np.concatenate(across[::-1]),
+                             np.full(116, 1.0)])
+    centres = np.vstack([walls, [0.0, 0.0, 2.1]])
+    sizes = np.vstack([np.tile([1.0, 1.0, 2.0], (116, 1)), [29.2, 29.2, 0.2]])
+    poses = np.column_stack([centres, np.tile([0.0, 0.0, 0.0, 1.0], (117, 1))])
+    poses = rotation.compose(np.array([0.0, 0.0, 0.0, *rotation.from_yaw(0.25 * np.pi)]), poses)
+    found = find_room(np.array([0.0, 0.0, 1.0]), poses, sizes, Sight(poses, sizes))
+    assert found.vents == 0.0
+    assert found.volume == pytest.approx(27.2 ** 2 * 2.0, rel=0.08)
+
+
 def test_headings_are_those_of_level_edges():
     """Lay boxes on all of their sides, turned and with a little noise: modulo a quarter turn."""
     rng = np.random.default_rng(4)

@@ -100,7 +100,8 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
     if ends.sum() < _LEAST:
         return None
     reach = _REACH + 0.5 * norm(sizes, axis=1)
-    near = (np.abs(poses[:, :3] - point) < reach[:, None]).all(axis=1)
+    away = rotation.rotate(rotation.conjugate(turn), poses[:, :3] - point)
+    near = (np.abs(away) < reach[:, None]).all(axis=1)
     low = np.array([-_REACH, -_REACH, max(ground - point[2], -_REACH)])
     shape = np.ceil((_REACH - low) / _CELL).astype(np.intp)
     lattice = Lattice.draw(poses[near], sizes[near], point + rotation.rotate(turn, low), turn,
