@@ -98,13 +98,16 @@ class StandingLoads:
 
         :param source, parts, wrenches: see `set_layer`.
         """
+        if not len(parts):
+            self._offered.pop(source, None)
+            self.remove_layer(source)
+            return
         now = self._total([(parts, wrenches)])[:, :3]
-        largest = np.abs(now).max(initial=0.0)
         told, offered = (np.abs(now - self._total([known])[:, :3]).max() for known in (
             self.layer(source), self._offered.get(source, self.layer(''))))
         self._offered[source] = parts, wrenches
-        rests = offered <= _STEADY * largest < told
-        if rests or not len(parts) or told > max(_NOTICED * largest, _FAINT):
+        largest = np.abs(now).max()
+        if offered <= _STEADY * largest < told or told > max(_NOTICED * largest, _FAINT):
             self.set_layer(source, parts, wrenches)
 
     def remove_layer(self, source: str) -> None:
