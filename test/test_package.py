@@ -16,6 +16,7 @@
 """The house in order: layers import downwards only, files stay small, nothing is left out."""
 
 import ast
+from functools import cache
 from pathlib import Path
 import re
 import subprocess
@@ -65,10 +66,16 @@ def layer_name(module: str) -> str:
     return '.'.join(parts[:depth])
 
 
+@cache
+def nodes(path: Path) -> list[ast.AST]:
+    """List all nodes of a file."""
+    return list(ast.walk(ast.parse(path.read_text('utf-8'))))
+
+
 def imports(path: Path) -> set[str]:
     """List the dotted names that a file imports, wherever in it."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+    for node in nodes(path):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -104,7 +111,7 @@ def test_files_have_their_licence():
 def test_docstrings_say_more_than_give():
     """Begin no docstring with a verb that names neither a computation nor what comes of it."""
     found = [f'{path.relative_to(ROOT)}:{node.body[0].lineno}' for path in SOURCES
-             for node in ast.walk(ast.parse(path.read_text('utf-8')))
+             for node in nodes(path)
              if isinstance(node, ast.FunctionDef | ast.ClassDef)
              and (ast.get_docstring(node) or '').startswith('Give ')]
     assert not found
@@ -114,7 +121,7 @@ def test_no_two_classes_share_a_name():
     """Define each class name once in the package, nested classes too."""
     places: dict[str, list[str]] = {}
     for path in MODULES:
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 place = f'{path.relative_to(ROOT)}:{node.lineno}'
                 places.setdefault(node.name, []).append(place)
@@ -209,7 +216,7 @@ def test_one_module_breaks_things():
               ('forest', 'cut_anchors'), ('loose_bonds', 'take_over'), ('world', 'remove')}
     users: dict[tuple[str, ...], set[str]] = {}
     for path in (PACKAGE / 'simulation').glob('*.py'):
-        for node in ast.walk(ast.parse(path.read_text('utf-8'))):
+        for node in nodes(path):
             if isinstance(node, ast.Call) and last_names(node.func) in breaks:
                 users.setdefault(last_names(node.func), set()).add(path.stem)
             for target in node.targets if isinstance(node, ast.Assign) else []:

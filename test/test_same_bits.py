@@ -25,7 +25,8 @@ import pytest
 PACKAGE = Path(__file__).resolve().parents[1] / 'procphys_ros'
 _SCENE = 'gust_and_ball'
 # What writes scenes and what moves them.
-STATE = sorted(path for pattern in ('language/*.py', 'lsystem/*.py', 'wallgrammar/*.py',
+STATE = sorted(path for pattern in ('geometry/*.py', 'blueprint/*.py', 'files/*.py',
+                                    'language/*.py', 'lsystem/*.py', 'wallgrammar/*.py',
                                     'physics/**/*.py', 'scene/*.py', 'simulation/*.py', '*.py')
                for path in PACKAGE.glob(pattern))
 LIBM = {'sin', 'cos', 'tan', 'arcsin', 'arccos', 'arctan', 'arctan2', 'asin', 'acos', 'atan',
