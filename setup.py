@@ -45,14 +45,12 @@ setup(
         (f'lib/{PACKAGE}', sorted(glob('scripts/*'))),
     ],
     package_data={PACKAGE: ['py.typed'],  # its type hints are for its users, too
-                  f'{PACKAGE}.compilation': ['overloads.json'],
                   f'{PACKAGE}.render': ['shaders/*']},
     zip_safe=False,
     python_requires='>=3.11',
-    # numba: `compilation` replaces its cache and its linking of kernels, tested with 0.58 (that of
-    # Ubuntu 24.04), 0.59 and 0.68. The others may be as old as they are there.
+    # numba 0.58 is that of Ubuntu 24.04; the others may be as old as they are there.
     # PyBullet has wheels up to Python 3.11: later ones take the engine that needs no compiler.
-    install_requires=['setuptools', 'numpy', 'numba>=0.58,<0.69', 'scipy', 'lark', 'pyyaml',
+    install_requires=['setuptools', 'numpy', 'numba>=0.58', 'scipy', 'lark', 'pyyaml',
                       'pybullet; python_version < "3.12"'],
     extras_require={
         # On a ROS machine these come with ROS itself, so they are no hard requirements.

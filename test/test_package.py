@@ -47,7 +47,7 @@ LAYERS = {
     'physics.rigid': 4, 'physics.lidar': 4,
     'physics.world': 5, 'scene': 6, 'simulation': 7,
     'messages': 8, 'command_line': 8, 'render': 9, 'export': 10, 'recording': 10,
-    'view': 10, 'ros': 11, 'batch': 12, 'examples': 13,
+    'warming': 10.5, 'view': 10, 'ros': 11, 'batch': 12, 'examples': 13,
 }
 # Who may know a library that the rest of the house must not depend on.
 ONLY_IN = {

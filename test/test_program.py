@@ -26,9 +26,9 @@ from types import ModuleType
 import pytest
 
 from procphys_ros import __version__
-from procphys_ros.compilation import warming
 from procphys_ros.ros import view
 from procphys_ros.terminal import program
+from procphys_ros.warming import command as warming
 
 ROOT = Path(__file__).resolve().parents[1]
 HALF_LOADED = """
@@ -240,7 +240,7 @@ def test_help_calls_a_command_by_its_name(name, capsys):
 def test_ctrl_c_ends_the_compiling_of_kernels(monkeypatch, capsys):
     """Interrupt it between two kernels."""
     monkeypatch.setattr(warming, 'is_complete', lambda: False)
-    monkeypatch.setattr(warming, 'warm', lambda *_: signal.raise_signal(signal.SIGINT))
+    monkeypatch.setattr(warming, 'warm', lambda _: signal.raise_signal(signal.SIGINT))
     handler = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         assert warming.main([]) == 130

@@ -13,50 +13,72 @@
 # limitations under the License.
 
 
-"""All kernels compiled beforehand: the list of overloads is whole and fits the kernels."""
+"""All kernels compiled beforehand: small scenes call each of them."""
 
 from collections.abc import Iterator
 import dis
 import importlib
 import inspect
-import json
 import os
 from pathlib import Path
 import pkgutil
 import subprocess
 import sys
 from time import sleep
-from typing import Any, NamedTuple
+from typing import Any
 
-from numba import from_dtype, types
-import numpy as np
 import pytest
 
 import procphys_ros
-from procphys_ros.compilation import warming
-from procphys_ros.compilation.decorator import KERNELS
-from procphys_ros.compilation.linking import Subroutine
-from procphys_ros.compilation.overloads import shipped
-from procphys_ros.compilation.signatures import from_text, to_text
+from procphys_ros.compilation.decorator import KERNELS, SUBROUTINES
 from procphys_ros.ros.background_compilation import BackgroundCompilation
+from procphys_ros.warming import command
 
 ROOT = Path(__file__).resolve().parents[1]
-REMEDY = 'run python bench/overloads.py'
+COMPILED = """
+import numba.core.event as event
+
+class Compiled(event.Listener):
+    names = []
+    def on_start(self, event): self.names.append(event.data['dispatcher'].py_func.__qualname__)
+    def on_end(self, _): pass
+
+event.register('numba:compile', Compiled())
+"""
+WARMED = """
+from procphys_ros.compilation.decorator import KERNELS
+from procphys_ros.warming.scenes import SCENES
+for run in SCENES.values():
+    run()
+print(*(name for name, one in KERNELS.items() if one.signatures))
+"""
+SHIPPED = COMPILED + """
+from procphys_ros.resources import shared_folder
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
+for name in ('demo', 'wrecking_ball', 'dry_stone', 'ivy_on_wall', 'palms_in_a_gust'):
+    simulation = Simulation(Scene.from_yaml(shared_folder() / 'config' / f'{name}.yaml'))
+    simulation.step(90)
+    simulation.explode(tuple(simulation.blueprint.poses[0, :3] + (0.0, 1.0, 1.0)), 3.0)
+    simulation.step(30)
+    simulation.close()
+print(*Compiled.names)
+"""
 
 
-class Pair(NamedTuple):
-    """A named tuple as kernels take them."""
+def words_of(program: str) -> list[str]:
+    """Run a program in a process of its own, and split the last line that it prints."""
+    done = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
+                          text=True)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()[-1].split()
 
-    first: np.ndarray
-    second: float
 
-
-def all_kernels() -> dict[str, Any]:
-    """Import the whole package, and give its kernels by name."""
+def import_all() -> None:
+    """Import the whole package, but what draws pictures and the node."""
     for module in pkgutil.walk_packages(procphys_ros.__path__, 'procphys_ros.'):
         if not module.name.startswith(('procphys_ros.render', 'procphys_ros.ros')):
             importlib.import_module(module.name)
-    return {name: kernel for name, kernel in KERNELS.items() if name.startswith('procphys_ros.')}
 
 
 def callees(kernel: Any) -> set[str]:
@@ -70,21 +92,29 @@ def callees(kernel: Any) -> set[str]:
             if hasattr(value, 'py_func')}
 
 
-def test_no_kernel_is_forgotten():
-    """Reach every kernel of the package from those that are compiled beforehand."""
-    kernels = all_kernels()
-    waiting = {f'{overload.module}.{overload.name}' for group in shipped() for overload in group}
+def test_small_scenes_call_all_kernels():
+    """Reach every kernel of the package from those that the scenes call."""
+    import_all()
+    known = {name: one for name, one in {**KERNELS, **SUBROUTINES}.items()
+             if name.startswith('procphys_ros.')}
+    waiting = set(words_of(WARMED))
     reached: set[str] = set()
     while waiting:
         name = waiting.pop()
         reached.add(name)
-        waiting |= callees(kernels[name]) - reached
-    assert kernels.keys() - reached == set(), REMEDY
+        waiting |= callees(known[name]) - reached
+    assert known.keys() - reached == set()
+
+
+def test_simulations_compile_nothing():
+    """Run shipped scenes, and blow something up, after all kernels were called by small scenes."""
+    words_of(WARMED)
+    assert words_of(SHIPPED + "print('.')") == ['.'], words_of(SHIPPED)
 
 
 def python_functions() -> Iterator[Any]:
     """Yield all functions and methods of the package that are not compiled."""
-    all_kernels()
+    import_all()
     for module in [m for name, m in sys.modules.items() if name.startswith('procphys_ros.')]:
         for scope in (module, *filter(inspect.isclass, vars(module).values())):
             yield from filter(inspect.isfunction, vars(scope).values())
@@ -103,53 +133,12 @@ def loaded(function: Any) -> Iterator[Any]:
 
 
 def test_only_kernels_call_subroutines():
-    """Find no subroutine among what Python's functions load, nor in the list of overloads."""
-    subroutines = {name for name, one in all_kernels().items() if isinstance(one, Subroutine)}
+    """Find no subroutine, which would end the process, among what Python's functions load."""
+    import_all()
+    subroutines = {id(one) for one in SUBROUTINES.values()}
     assert len(subroutines) > 100
-    assert not subroutines & {f'{overload.module}.{overload.name}'
-                              for group in shipped() for overload in group}
     for function in python_functions():
-        assert not any(isinstance(one, Subroutine) for one in loaded(function)), function
-
-
-def test_list_fits_the_kernels():
-    """Name kernels that exist, with as many arguments as they take, and none twice."""
-    kernels = all_kernels()
-    overloads = [overload for group in shipped() for overload in group]
-    assert len({(str(o), json.dumps(o.arguments)) for o in overloads}) == len(overloads)
-    for overload in overloads:
-        kernel = kernels[f'{overload.module}.{overload.name}']
-        assert len(overload.arguments) == len(inspect.signature(kernel.py_func).parameters), (
-            f'{overload}: {REMEDY}')
-        for argument in overload.arguments:
-            assert to_text(from_text(argument)) == argument
-
-
-@pytest.mark.parametrize('kind', [
-    types.float64, types.boolean, types.Array(types.float64, 2, 'C'),
-    types.Array(types.int32, 1, 'A', readonly=True),
-    types.UniTuple(types.Array(types.uint8, 3, 'C'), 2),
-    types.Tuple((types.int64, types.float64)),
-    types.NamedTuple((types.Array(types.float64, 1, 'C'), types.float64), Pair),
-    types.NamedUniTuple(types.float64, 2, Pair), types.Omitted(0.5)], ids=str)
-def test_types_survive_as_text(kind):
-    """Write the type of an argument as JSON, and read the same type again."""
-    assert from_text(json.loads(json.dumps(to_text(kind)))) == kind
-
-
-@pytest.mark.parametrize('name', ['bool', 'int64', 'float32'])
-def test_types_are_named_alike_by_all_versions_of_numba(name, monkeypatch):
-    """Need no attribute of `types`: numba 0.58 has no `bool` there."""
-    kind = from_dtype(np.dtype(name))
-    monkeypatch.delattr(types, name, raising=False)
-    assert from_text(to_text(kind)) == kind
-    assert from_text(['array', name, 1, 'C']) == types.Array(kind, 1, 'C')
-
-
-def test_unknown_type_is_refused():
-    """Say which type has no text."""
-    with pytest.raises(ValueError, match='unicode'):
-        to_text(types.List(types.unicode_type))
+        assert not any(id(one) in subroutines for one in loaded(function)), function
 
 
 def test_background_fills_the_cache(tmp_path, monkeypatch):
@@ -159,11 +148,10 @@ def test_background_fills_the_cache(tmp_path, monkeypatch):
     said: list[str] = []
     background = BackgroundCompilation(said.append)
     background.start()
-    while not background.progress.startswith('1/'):  # the time limit of all tests ends this
+    while not list(tmp_path.rglob('*.nbc')):  # the time limit of all tests ends this
         assert background.progress, said
         sleep(0.05)
     background.close()
-    assert list(tmp_path.rglob('*.nbc'))
     assert 'background' in said[0]
 
 
@@ -177,20 +165,26 @@ def test_complete_cache_needs_no_child(monkeypatch):
     assert (background.progress, said) == ('', [])
 
 
+@pytest.mark.parametrize('jobs', [1, 2])
+def test_progress_is_told_scene_by_scene(jobs, monkeypatch, capsys):
+    """Run each scene once, in as many processes as were asked for, and mark the end."""
+    monkeypatch.setattr(command, 'is_complete', lambda: False)
+    marked: list[int] = []
+    monkeypatch.setattr(command, 'mark_complete', lambda: marked.append(1))
+    monkeypatch.setattr('procphys_ros.warming.scenes.SCENES',
+                        dict.fromkeys(['one', 'two'], os.getpid))
+    if jobs == 2:  # other processes know the real scenes only
+        monkeypatch.setattr('procphys_ros.warming.scenes.SCENES',
+                            {'hang block': os.getpid})
+    assert command.main(['--jobs', str(jobs)]) == 0
+    said = capsys.readouterr().out.splitlines()
+    assert said[:-1] == (['1/2 one', '2/2 two'] if jobs == 1 else ['1/1 hang block'])
+    assert marked == [1]
+
+
 @pytest.mark.parametrize('number', ['-1', '1.5', 'all'])
 def test_jobs_are_a_whole_number(number, capsys):
     """Refuse other numbers of processes in one line."""
     with pytest.raises(SystemExit):
-        warming.main(['--jobs', number])
+        command.main(['--jobs', number])
     assert f'"{number}" is not a whole number' in capsys.readouterr().err
-
-
-def test_overload_compiles_once(tmp_path, monkeypatch):
-    """Return whether an overload had to be compiled."""
-    shortest = min(shipped()[0], key=lambda overload: len(str(overload.arguments)))
-    code = ('from procphys_ros.compilation.overloads import Overload; '
-            f'print(Overload(*{[shortest.module, shortest.name, shortest.arguments]}).compile())')
-    answers = [subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, check=True,
-                              env={**os.environ, 'NUMBA_CACHE_DIR': str(tmp_path)},
-                              capture_output=True).stdout.strip() for _ in range(2)]
-    assert answers == ['True', 'False']

@@ -13,119 +13,122 @@
 # limitations under the License.
 
 
-"""Cache of one kernel's compiled overloads, in the place of numba's own."""
+"""numba's cache in a folder of our own, used by one process at a time."""
 
 from collections.abc import Callable
-from functools import cache
-import hashlib
+from contextlib import suppress
+import os
 from pathlib import Path
-import pickle
+from time import monotonic, sleep
 from typing import Any
-import warnings
 
-from numba.core.caching import _Cache
-from numba.core.compiler import CompileResult
-from numba.core.runtime import rtsys
-from numba.core.serialize import dumps
-from numba.core.sigutils import normalize_signature
+from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
-from procphys_ros.compilation.claims import claim, release
-from procphys_ros.compilation.files import read, write
-from procphys_ros.compilation.folders import cache_folder, module_folder, prepare
-from procphys_ros.compilation.linking import restore_kernel, restore_subroutine
+from procphys_ros.compilation.folder import kernel_folder, prepare, warn_once
 from procphys_ros.compilation.progress import COMPILING
+from procphys_ros.files.output_files import lock
 from procphys_ros.progress import stage
 
+_PATIENCE = 120.0  # [s] of waiting for another process: it may have been stopped
+_LOOK = 0.02       # [s] between two looks
 
-class KernelCache(_Cache):
+
+class _Locator:
+    """The place of a function's files: the same for all installations of the same sources."""
+
+    def __init__(self, function: Callable, file: str):
+        self._function, self._py_file = function, file
+
+    from_function = classmethod(lambda cls, function, file: cls(function, file))
+
+    def get_cache_path(self) -> str:
+        return str(kernel_folder() / self._function.__module__)
+
+    def ensure_cache_path(self) -> None:
+        prepare(Path(self.get_cache_path()))
+
+    def get_source_stamp(self) -> str:
+        return ''  # the name of the folder tells of all sources
+
+    def get_disambiguator(self) -> str:
+        return str(self._function.__code__.co_firstlineno)
+
+
+class _Files(CompileResultCacheImpl):
+    _locator_classes = [_Locator]
+
+
+class KernelCache(FunctionCache):
     """
-    Keeps the overloads of a kernel on disk, a file each.
+    numba's cache of one function, for several processes that start at once.
 
-    numba's own cache looks at the file of a kernel only, not at those of its callees, and runs
-    old code after an upgrade; its index is not safe against two processes that write at once.
-    Here a file's name identifies all that its content depends on, and files are written
-    atomically. File errors never keep a kernel from running.
+    Who finds nothing locks a file until it has saved what it compiles; others that need the same
+    wait for it and load it. A function waits for those that it calls, never the other way round,
+    and the system ends the locks of a process that dies. Without the lock two processes that save
+    different overloads could leave an index that leads to the wrong machine code. File errors
+    never keep a kernel from running.
 
     :param function: to be compiled.
     """
 
+    _impl_class = _Files
+
     def __init__(self, function: Callable):
+        super().__init__(function)
         self._function = function
-        self._enabled = True
+        self._lock: int | None = None
 
-    @property
-    def cache_path(self) -> str:
-        """Return the path of the folder."""
-        return str(module_folder(self._function.__module__))
-
-    def load_overload(self, sig: Any, target_context: Any) -> CompileResult | None:
-        """Load the compiled overload of a signature; None when there is none."""
-        rtsys.initialize(target_context)  # what machine code calls; numba's compiler needs more
-        path = self._file(sig, target_context.codegen())
-        payload = read(path)
-        if payload is None:
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load the compiled overload of a signature; None = this process is to compile it."""
+        found = self._try_to_load(sig, target_context)
+        if found is None:
             with stage(COMPILING, self._function.__name__.lstrip('_')):
-                claim(path)
-            payload = read(path)  # if another process was at it
-        if not self._enabled or payload is None:
-            return None
-        release(path)
-        return self._restore(target_context, pickle.loads(payload))
+                self._acquire()
+            found = self._try_to_load(sig, target_context)
+            # Others would wait too long for a process of low priority.
+            if found is not None or os.getpriority(os.PRIO_PROCESS, 0) > 0:
+                self._release()
+        return found
 
-    def save_overload(self, sig: Any, data: CompileResult) -> None:
-        """Save the compiled overload of a signature."""
-        path = self._file(sig, data.codegen)
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Save a compiled overload."""
         try:
-            if self._enabled and not data.lifted and not data.library.has_dynamic_globals:
-                prepare(path.parent)
-                payload = dumps(data._reduce())
-                write(path, payload)
+            if self._acquire():
+                super().save_overload(sig, data)
         except OSError as error:
-            _warn_once(error.strerror)
+            warn_once(error.strerror)
         finally:
-            release(path)
+            self._release()
 
-    def enable(self) -> None:
-        """Enable the cache files."""
-        self._enabled = True
+    def _try_to_load(self, sig: Any, target_context: Any) -> Any:
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception:  # whatever a damaged file may raise
+            with suppress(OSError):
+                self.flush()
+            return None
 
-    def disable(self) -> None:
-        """Disable the cache files."""
-        self._enabled = False
+    def _acquire(self) -> bool:
+        """Lock the function, or wait; return False when that is impossible or takes too long."""
+        if self._lock is not None:
+            return True
+        path = Path(self.cache_path, f'{self._function.__qualname__}.lock')
+        try:
+            prepare(path.parent)
+            file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        except OSError as error:
+            warn_once(error.strerror)
+            return False
+        end = monotonic() + _PATIENCE
+        while not lock(file):
+            if monotonic() > end:
+                os.close(file)
+                return False
+            sleep(_LOOK)
+        self._lock = file
+        return True
 
-    def flush(self) -> None:
-        """Delete all cached overloads of the kernel."""
-        for path in Path(self.cache_path).glob(f'{self._name}-*.nbc'):
-            path.unlink(missing_ok=True)
-
-    def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
-        return restore_kernel(target_context, reduced)
-
-    @property
-    def _name(self) -> str:
-        code = self._function.__code__
-        name = self._function.__qualname__.replace('<', '').replace('>', '')
-        return f'{name}-{code.co_firstlineno}'
-
-    def _file(self, sig: Any, codegen: Any) -> Path:
-        """Return the file of an overload, named by a hash of all that distinguishes it."""
-        arguments, _ = normalize_signature(sig)
-        cells = self._function.__closure__ or ()
-        key = (str(arguments), codegen.magic_tuple(), self._function.__code__.co_code,
-               dumps(tuple(cell.cell_contents for cell in cells)))
-        digest = hashlib.sha256(repr(key).encode()).hexdigest()[:16]
-        return Path(self.cache_path) / f'{self._name}-{digest}.nbc'
-
-
-class SubroutineCache(KernelCache):
-    """Keeps the intermediate code of subroutines."""
-
-    def _restore(self, target_context: Any, reduced: tuple) -> CompileResult:
-        return restore_subroutine(target_context, reduced)
-
-
-@cache
-def _warn_once(reason: str) -> None:
-    warnings.warn(f'compiled kernels cannot be kept in {cache_folder()}, every start will compile '
-                  f'them: {reason}; NUMBA_CACHE_DIR names another folder', RuntimeWarning,
-                  stacklevel=3)
+    def _release(self) -> None:
+        if self._lock is not None:
+            os.close(self._lock)
+            self._lock = None

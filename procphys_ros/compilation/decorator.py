@@ -19,14 +19,16 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numba
 from numba import config, njit
 from numba.extending import register_jitable
 
-from procphys_ros.compilation.cache import KernelCache, SubroutineCache
-from procphys_ros.compilation.linking import KernelCompiler, Subroutine, SubroutineCompiler
+from procphys_ros.compilation.folder import warn_once
 
 KERNELS: dict[str, Any] = {}
-"""Every kernel and subroutine that has been imported, by its dotted name."""
+"""Every kernel that has been imported, by its dotted name."""
+SUBROUTINES: dict[str, Any] = {}
+"""Every subroutine that has been imported, likewise."""
 
 
 def kernel(function: Callable | None = None, /, **options: Any) -> Any:
@@ -38,33 +40,19 @@ def kernel(function: Callable | None = None, /, **options: Any) -> Any:
     """
     if function is None:
         return partial(kernel, **options)
-    # Nothing calls kernels from C, and the wrappers for that take a tenth of the compilation.
-    # Threads are those of `threads`: code from a file would find numba's own not started.
-    compiled = njit(no_cfunc_wrapper=True, parallel=False, pipeline_class=KernelCompiler,
-                    **options)(function)
-    if not config.DISABLE_JIT:  # else it is the function itself
-        compiled._cache = KernelCache(function)
-    return _noted(function, compiled)
+    return _compiled(KERNELS, function, **options)
 
 
 def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
     """
-    Compile a function that kernels call, and Python does not, with the first of them.
-
-    It has no wrapper for Python and no machine code of its own, which is half of the work.
+    Compile a function that kernels call; Python must not, for which it has no wrapper.
 
     :param function: to be compiled; None = return a decorator with these options.
     :param options: of `numba.njit` but `parallel`; `cache` is implied.
     """
     if function is None:
         return partial(subroutine, **options)
-    if config.DISABLE_JIT:
-        return _noted(function, function)
-    compiled = Subroutine(function, pipeline_class=SubroutineCompiler, targetoptions=dict(
-        nopython=True, no_cfunc_wrapper=True, no_cpython_wrapper=True, parallel=False,
-        **options))
-    compiled._cache = SubroutineCache(function)
-    return _noted(function, compiled)
+    return _compiled(SUBROUTINES, function, no_cpython_wrapper=True, **options)
 
 
 def inlined(function: Callable) -> Callable:
@@ -72,6 +60,20 @@ def inlined(function: Callable) -> Callable:
     return register_jitable(function)
 
 
-def _noted(function: Callable, compiled: Any) -> Any:
-    KERNELS[f'{function.__module__}.{function.__qualname__}'] = compiled
+def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
+    """
+    Compile a function at its first call.
+
+    Nothing calls kernels from C, so there are no wrappers for that. Threads are those of
+    `threads`: code from a file would find numba's own not started. The folder of kernels is named
+    by this package's sources only, so functions of others are not kept.
+    """
+    compiled = njit(no_cfunc_wrapper=True, parallel=False, **options)(function)
+    if function.__module__.startswith('procphys_ros.') and not config.DISABLE_JIT:
+        try:
+            from procphys_ros.compilation.cache import KernelCache
+            compiled._cache = KernelCache(function)
+        except (ImportError, AttributeError) as error:  # the one thing that numba does not promise
+            warn_once(f'numba {numba.__version__} is not known: {error}')
+    known[f'{function.__module__}.{function.__qualname__}'] = compiled
     return compiled

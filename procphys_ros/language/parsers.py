@@ -21,8 +21,8 @@ from typing import Any
 
 import lark
 
-from procphys_ros.compilation.files import read, write
-from procphys_ros.compilation.folders import environment_folder, prepare
+from procphys_ros.compilation.folder import kernel_folder, prepare
+from procphys_ros.whole_files import write_whole
 
 
 def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
@@ -37,17 +37,18 @@ def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
     """
     facts = repr((grammar, sorted(options.items()), lark.__version__))
     digest = hashlib.sha256(facts.encode()).hexdigest()[:16]
-    path = environment_folder() / f'{name}-{digest}' / 'tables'
-    tables = read(path)
-    if tables is not None:
-        return lark.Lark.load(BytesIO(tables))
+    path = kernel_folder() / f'{name}-{digest}.tables'
+    try:
+        return lark.Lark.load(BytesIO(path.read_bytes()))
+    except Exception:  # whatever a missing or damaged file may raise
+        pass
     made = lark.Lark(grammar, parser='lalr', propagate_positions=True, maybe_placeholders=True,
                      **options)
     made_tables = BytesIO()
     made.save(made_tables)
     try:
         prepare(path.parent)
-        write(path, made_tables.getvalue())
+        write_whole(path, made_tables.getvalue())
     except OSError:
         pass  # the cache of kernels has warned of it
     return made

@@ -20,7 +20,7 @@ import subprocess
 import sys
 from threading import Thread
 
-from procphys_ros.compilation.overloads import is_complete
+from procphys_ros.compilation.folder import is_complete
 
 _END = 0.3  # [s] in which the child must end before it is killed
 

@@ -55,7 +55,7 @@ def main(words: Sequence[str] | None = None) -> int:
         print(script(said.shell, program), end='')
         return _DONE
     if said.verb == 'warm':
-        from procphys_ros.compilation.warming import main as warm
+        from procphys_ros.warming.command import main as warm
         return warm([])
     end = partial(SystemExit, _DONE if said.verb == 'watch' else 130)
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -42,7 +42,7 @@ COMMANDS = {
     'render': 'procphys_ros.render.command',
     'replay': 'procphys_ros.ros.replay',
     'view': 'procphys_ros.ros.view',
-    'warm': 'procphys_ros.compilation.warming',
+    'warm': 'procphys_ros.warming.command',
 }
 NODES = {  # these end with code 0 on Ctrl-C
     'sim': 'procphys_ros.ros.sim',

@@ -19,30 +19,20 @@ Compile all kernels, so that no simulation has to wait for them.
 `python -m procphys_ros.warm` compiles what the cache of the user lacks, on all cores.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 import os
 import signal
 import sys
 from time import monotonic
-from typing import TextIO
 
-from procphys_ros.compilation.overloads import (
-    is_complete,
-    mark_complete,
-    Overload,
-    shipped,
-    StaleOverload,
-)
+from procphys_ros.compilation.folder import is_complete, mark_complete
 from procphys_ros.terminal.argument_parser import OneLineParser, whole
 from procphys_ros.terminal.program import INTERRUPTED
 from procphys_ros.terminal.progress_bar import ProgressBar
 
 _LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
-
-Done = tuple[str, bool, str]
-"""Name of an overload, whether it was missing, and why it could not be compiled, or ''."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -50,8 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Run the command.
 
     :param arguments: words after the command's name; None = the process's own.
-    :returns: exit code: 0 all are there, 1 some could not be compiled, 2 invalid usage,
-        130 interrupted.
+    :returns: exit code: 0 all are there, 2 invalid usage, 130 interrupted.
     """
     parser = OneLineParser(
         prog='warm', description='Compile all kernels, so that no simulation waits for them.')
@@ -65,70 +54,57 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print('all kernels are compiled')
         return 0
     cores = len(os.sched_getaffinity(0))
-    poses, markers, rest = shipped()
-    if options.background:
-        work = _help([*poses[::-1], *markers], rest, cores)
-    else:
-        work = _compile([*poses, *markers, *rest], options.jobs or cores)
     try:
-        return 0 if warm(work, len(poses) + len(markers) + len(rest), sys.stdout) else 1
+        warm(_beside_a_node(cores) if options.background else _at_once(options.jobs or cores))
     except KeyboardInterrupt:
         print('warm: interrupted', file=sys.stderr)
         return INTERRUPTED
+    return 0
 
 
-def warm(work: Iterable[Done], count: int, out: TextIO) -> bool:
+def warm(work: Iterator[str]) -> None:
     """
-    Compile what the cache lacks.
+    Run all scenes, and show the progress.
 
-    :param work: compiles one overload per step of the iteration.
-    :param count: of the overloads.
-    :param out: where to show the progress.
-    :returns: whether every overload in the list could be compiled.
+    :param work: runs one scene per step of the iteration; yields its name.
     """
-    began, compiled, faults = monotonic(), 0, []
+    from procphys_ros.warming.scenes import SCENES
+    began, out = monotonic(), sys.stdout
     with ProgressBar('compiling', out) as bar:
-        for done, (name, was_missing, fault) in enumerate(work, 1):
-            compiled += was_missing
-            if fault:
-                faults.append(f'{name} {fault}')
-            bar.show(done, count, name)
+        for done, name in enumerate(work, 1):
+            bar.show(done, len(SCENES), name)
             if not out.isatty():
-                print(f'{done}/{count} {name}', file=out, flush=True)
-    for fault in faults:
-        print(f'warm: {fault}; it is compiled when it is first called', file=sys.stderr)
+                print(f'{done}/{len(SCENES)} {name}', file=out, flush=True)
     mark_complete()
-    print(f'{compiled} of {count} kernels compiled in {monotonic() - began:.0f} s, '
-          'the others were there', file=out, flush=True)
-    return not faults
+    print(f'all kernels compiled in {monotonic() - began:.0f} s', file=out, flush=True)
 
 
-def _help(soon: Sequence[Overload], rest: Sequence[Overload], cores: int) -> Iterator[Done]:
+def _beside_a_node(cores: int) -> Iterator[str]:
     """
-    Compile beside a node that is starting.
+    Run all scenes beside a node that is starting.
 
-    The node compiles the kernels of its first poses from the other end; the claims on files
-    keep the two from compiling the same. With a single core there is nothing to share.
-
-    :param soon: overloads that the node waits for.
+    The first one compiles what the node comes to last; the two share the work by the locks of
+    `compilation.sharing`. With a single core there is nothing to share.
     """
-    if cores == 1:
-        os.nice(_LOW_PRIORITY)
-    yield from map(_compile_one, soon)
-    if cores > 1:
-        os.nice(_LOW_PRIORITY)
-    yield from map(_compile_one, rest)
+    from procphys_ros.warming.scenes import SCENES
+    for place, (name, run) in enumerate(SCENES.items()):
+        if place == (0 if cores == 1 else 1):
+            os.nice(_LOW_PRIORITY)
+        run()
+        yield name
 
 
-def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[Done]:
-    """Compile overloads in no particular order."""
+def _at_once(jobs: int) -> Iterator[str]:
+    """Run all scenes in several processes."""
+    from procphys_ros.warming.scenes import SCENES
     if jobs <= 1:
-        yield from map(_compile_one, overloads)
+        for name in SCENES:
+            yield _run(name)
         return
     with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
         # Workers take over what is blocked: Ctrl-C in a terminal is for this process alone.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        futures: Iterable = [pool.submit(_compile_one, overload) for overload in overloads]
+        futures = [pool.submit(_run, name) for name in SCENES]
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             for future in as_completed(futures):
@@ -140,8 +116,7 @@ def _compile(overloads: Sequence[Overload], jobs: int) -> Iterator[Done]:
             raise
 
 
-def _compile_one(overload: Overload) -> Done:
-    try:
-        return str(overload), overload.compile(), ''
-    except StaleOverload as error:
-        return str(overload), False, str(error)
+def _run(name: str) -> str:
+    from procphys_ros.warming.scenes import SCENES
+    SCENES[name]()
+    return name

@@ -1,0 +1,213 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Small scenes that together call every kernel as simulations do."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from procphys_ros.blueprint import skeleton
+from procphys_ros.blueprint import Shape
+from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
+from procphys_ros.physics.masonry import strength
+from procphys_ros.physics.trees import equilibrium, integrator, layout, state
+from procphys_ros.physics.world import JointKind, World
+from procphys_ros.recording.marker_state import find_markers
+from procphys_ros.files.resources import shared_folder
+from procphys_ros.scene import Scene
+from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+
+# Rules with contexts, trees that are culled, and shelter.
+_SAPLINGS: dict[str, Any] = {
+    'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0], 'shelter': True},
+    'culling': {'distance': 60.0, 'sleeping': True, 'far_distance': 10.0, 'far_interval': 2},
+    'sapling': {'count': 9, 'spacing': 0.6, 'grammar_text': """
+axiom: Width(0.05) Density(700) Modulus(8e9) DampingRatio(0.05) Preload(0.5) F(1) A B F(1) Leaf(1)
+derivation length: 2
+production:
+A < B -> F(0.5)
+A > F -> F(0.5)
+"""}}
+# A wall of so poor mortar that its joints crack in the wind, open and close.
+_WALL: dict[str, Any] = {
+    'scene': {'objects': ['wall']}, 'wind': {'velocity': [0.0, 18.0, 0.0]},
+    'wall': {'grammar_text': """
+building wall
+  footprint: (0, 0) (2, 0)
+  facades: brickwork
+  storey_height: 1.5
+layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
+panel brickwork: running
+material brick { tension: 500  cohesion: 500 }
+"""}}
+# Both on a hillside, where the wall has footings.
+_HILL: dict[str, Any] = {
+    'scene': {'objects': ['wall', 'sapling']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'intruder': {'shape': 'sphere', 'size': [0.6]},
+    'terrain': {'noise': 3.0, 'wavelength': 12.0, 'extent': 24.0},
+    'wall': _WALL['wall'],
+    'sapling': {'origin': [3.0, 0.0, 0.0],
+                'grammar_text': _SAPLINGS['sapling']['grammar_text']}}
+
+
+def step_trees() -> None:
+    """Compile the step of trees, which takes longest, by stepping none."""
+    plan = state.TraversalPlan(*(np.zeros(count, np.int64) for count in (0, 0, 1, 0)))
+    twig = skeleton.from_nodes(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([-1, 0]),
+                               np.array([0.1, 0.1]))
+    model, columns = state.make_model(layout.arrange(twig, 0.0)), state.make_state(1)
+    where = model, columns, state.make_scratch(plan), np.zeros((1, 3)), np.zeros(3)
+    integrator.step(plan, *where, 1.0 / 60.0)
+    equilibrium.lean(plan, np.zeros(0, np.int64), *where, 1e-6)
+
+
+def sway() -> None:
+    """Step saplings, near and far, awake and asleep, and show them."""
+    simulation = Simulation(Scene.from_parameters(_SAPLINGS))
+    simulation.step()
+    _publish(simulation)
+    simulation.set_observer((-8.0, 0.0, 1.0))
+    simulation.step(4)
+
+
+def break_trees() -> None:
+    """Blow up and strike trees."""
+    simulation = _shipped('felled_by_wind')
+    simulation.step()
+    _strike_tree(simulation)
+    _damage(simulation)
+
+
+def crack_wall() -> None:
+    """Crack a wall by the wind, then blow it up."""
+    simulation = Simulation(Scene.from_parameters(_WALL))
+    simulation.step(60)
+    simulation.apply_impulse(len(simulation.blueprint) // 2, (0.0, 2.0, 0.0))
+    simulation.step(60)
+    solver = simulation.state.solver
+    rows = solver.graph.neighbours(np.array([0]))
+    _, low, high = strength.opening(solver.graph, rows, solver.wrenches(rows))
+    solver.narrow(rows, low, high)
+    _damage(simulation)
+
+
+def wreck_cottage() -> None:
+    """Blow up a cottage, which is large enough to be solved by subdomains, and demolish it."""
+    simulation = _shipped('figure_1')
+    simulation.step(2)
+    _strike(simulation)
+    simulation.step(20)
+    simulation.demolish()
+    simulation.step(10)
+    _meddle(simulation, 2)
+
+
+def demolish_on_hill() -> None:
+    """Strike a wall on a hillside, and demolish it."""
+    simulation = Simulation(Scene.from_parameters(_HILL))
+    simulation.step()
+    simulation.launch(Projectile('sphere', (0.4,), 60.0, (-3.0, 1.0, 4.0), (10.0, -1.0, 0.0)))
+    simulation.step(30)
+    simulation.demolish()
+    simulation.step(30)
+    _meddle(simulation)
+    simulation.model.terrain.normal(simulation.poses)
+    _publish(simulation)
+
+
+def strike_twice() -> None:
+    """Knock bricks out of a wall with the native engine, and hit them again where they lie."""
+    simulation = Simulation(Scene.from_parameters({**_WALL, 'engine': 'native'}))
+    for height in (1.0, 0.4):
+        simulation.launch(Projectile('sphere', (0.4,), 60.0, (1.0, -2.0, height),
+                                     (0.0, 10.0, 0.0)))
+        simulation.step(100)
+
+
+def hang_block() -> None:
+    """Hang a block by a joint."""
+    world = World(engine='native')
+    place = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
+    body = np.array([world.add_body(Shape.BOX, np.full(3, 0.2), 1.0, place)])
+    world.join(JointKind.BALL, body, np.array([World.ground]), place)
+    world.step(1.0 / 60.0)
+
+
+def _publish(simulation: Simulation) -> None:
+    """Write all messages, markers for a new and an old subscriber, and read them; then scan."""
+    markers = SceneMarkers(simulation.blueprint, simulation.objects, 'world',
+                           MarkerStyle(40_000, '', ''))
+    now = stamp(simulation.time)
+    pose_array(simulation.poses, now, 'world')
+    for write in (markers.whole, markers.changes):
+        leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
+        data = write(simulation.poses, now, leaves, simulation.dust)
+        if data is not None:
+            find_markers(bytes(data))
+    simulation.scan(LidarSettings(rows=4, columns=8))
+
+
+def _damage(simulation: Simulation) -> None:
+    """Do to a scene what commands can do."""
+    blueprint = simulation.blueprint
+    simulation.set_observer((-30.0, 0.0, 2.0))
+    simulation.set_wind((8.0, 2.0, 0.0))
+    simulation.gust()
+    simulation.apply_impulse(int(np.argmin(blueprint.poses[:, 2])), (50.0, 0.0, 0.0))
+    simulation.apply_wrench(len(blueprint) - 1, (20.0, 0.0, 0.0))
+    _strike(simulation)
+    simulation.step(40)
+    _meddle(simulation)
+    _publish(simulation)
+
+
+def _strike(simulation: Simulation) -> None:
+    """Set off a charge beside the middle part, and shoot a ball and a box at it."""
+    x, y, z = simulation.blueprint.poses[len(simulation.blueprint) // 2, :3]
+    simulation.explode((x + 1.0, y, z), 5.0)
+    for shape, size in (('sphere', (0.5,)), ('box', (0.5, 0.5, 0.5))):
+        simulation.launch(Projectile(shape, size, 60.0, (x - 10.0, y, z + 1.0),
+                                     (25.0, 0.0, 0.0)))
+        simulation.step()
+
+
+def _strike_tree(simulation: Simulation) -> None:
+    """Shoot a heavy box through a trunk."""
+    x, y, z = simulation.blueprint.poses[0, :3]
+    simulation.launch(Projectile('box', (0.5, 0.5, 0.5), 500.0, (x - 3.0, y, z + 1.0),
+                                 (40.0, 0.0, 0.0)))
+    simulation.step(30)
+
+
+def _meddle(simulation: Simulation, steps: int = 40) -> None:
+    """Move an intruder into what is left of the middle part."""
+    x, y, z = simulation.blueprint.poses[len(simulation.blueprint) // 2, :3]
+    simulation.place_intruder((x, y, z, 0.0, 0.0, 0.0, 1.0))
+    simulation.step(steps)
+
+
+def _shipped(name: str) -> Simulation:
+    return Simulation(Scene.from_yaml(shared_folder() / 'config' / f'{name}.yaml'))
+
+
+SCENES: dict[str, Callable[[], None]] = {
+    scene.__name__.replace('_', ' '): scene
+    for scene in (step_trees, sway, break_trees, crack_wall, wreck_cottage, demolish_on_hill,
+                  strike_twice, hang_block)}
+"""By name; the first is what a node that starts comes to last."""
