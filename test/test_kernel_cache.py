@@ -97,13 +97,16 @@ class Installation:
             else:
                 (folder / 'procphys_ros').mkdir(parents=True, exist_ok=True)
                 shutil.copy(source.with_suffix('.py'), folder / 'procphys_ros')
-        (folder / 'procphys_ros' / 'caller.py').write_text(CALLER, 'utf-8')
+        self.add('caller', CALLER)
         self.install(2.0)
 
     def install(self, factor: float) -> None:
         """Replace the file of the callee only, as an upgrade may."""
-        (self._folder / 'procphys_ros' / 'callee.py').write_text(
-            CALLEE.format(factor=factor), 'utf-8')
+        self.add('callee', CALLEE.format(factor=factor))
+
+    def add(self, module: str, source: str) -> None:
+        """Write another module."""
+        (self._folder / 'procphys_ros' / f'{module}.py').write_text(source, 'utf-8')
 
     def run(self, dtype: str = 'f8', before: str = '', after: str = '',
             **environment: str) -> tuple[float, int, str]:
@@ -279,6 +282,34 @@ def test_processes_do_not_mix_up_their_overloads(fresh):
         list(all_of_them.map(lambda kind: fresh.run(kind, after='print(0, 0)'), kinds))
     both = '\n'.join(f'print(total(np.array([1, 10], {kind!r})))' for kind in kinds)
     assert fresh.run(after=f'{both}\nprint(22, Compiled.count)')[:2] == (22.0, 0)
+
+
+def test_what_numba_makes_has_other_names_in_every_process(tmp_path):
+    """Compile one kernel in two processes; of two functions with one name either might be run."""
+    found = []
+    for user in ('one', 'other'):
+        package = Installation(tmp_path / user, tmp_path / user / 'cache')
+        package.add('sorting', 'import numpy as np\nfrom procphys_ros.compilation import kernel\n\n'
+                    '@kernel\ndef order(x):\n    return np.argsort(x)\n')
+        names = (r"""import re; from procphys_ros.sorting import order; order(np.ones(2))
+names = re.findall(r'define[^@]*@"?(_ZN5numba[^"(]*)', *order.inspect_llvm().values())
+print(*names, file=sys.stderr); print(len(names), 0)""")
+        count, _, said = package.run(before='import sys', after=names)
+        found.append(said.split())
+        assert len(found[-1]) == count > 1
+    assert not set(found[0]) & set(found[1])
+
+
+def test_another_numba_compiles_at_every_start(fresh):
+    """Warn and go on where numba lacks what the cache is made of."""
+    other = 'import numba.core.bytecode as b; del b.FunctionIdentity._unique_ids'
+    restored = ('import numba.core.bytecode as b, itertools, procphys_ros.compilation\n'
+                'b.FunctionIdentity._unique_ids = itertools.count(1)')
+    result, compiled, errors = fresh.run(before=f'{other}\n'
+                                         'from procphys_ros.compilation import decorator\n'
+                                         f'decorator._cache_class()\n{restored}')
+    assert (result, compiled, errors.count('has another cache')) == (22.0, 2, 1)
+    assert compiled_files(fresh.cache) == []
 
 
 @pytest.mark.parametrize('decorator', [kernel, subroutine])

@@ -17,11 +17,13 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from itertools import count
 import os
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
+from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 
 from procphys_ros.compilation.folder import kernel_folder, prepare, warn_once
@@ -31,6 +33,21 @@ from procphys_ros.progress import stage
 
 _PATIENCE = 120.0  # [s] of waiting for another process: it may have been stopped
 _LOOK = 0.02       # [s] between two looks
+
+
+def number_functions() -> None:
+    """
+    Let numba number functions from a random number on, as part of their names in machine code.
+
+    It counts from 1 in every process. Closures of its own then have the same names in two, and a
+    kernel that is linked of what both have compiled may run either for the other.
+    """
+    next(FunctionIdentity._unique_ids)  # AttributeError where numba does otherwise
+    FunctionIdentity._unique_ids = count(int.from_bytes(os.urandom(6), 'big'))
+
+
+number_functions()
+os.register_at_fork(after_in_child=number_functions)
 
 
 class _Locator:

@@ -16,7 +16,7 @@
 """The decorators of all kernels."""
 
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numba
@@ -70,10 +70,19 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
     """
     compiled = njit(no_cfunc_wrapper=True, parallel=False, **options)(function)
     if function.__module__.startswith('procphys_ros.') and not config.DISABLE_JIT:
-        try:
-            from procphys_ros.compilation.cache import KernelCache
-            compiled._cache = KernelCache(function)
-        except (ImportError, AttributeError) as error:  # the one thing that numba does not promise
-            warn_once(f'numba {numba.__version__} is not known: {error}')
+        attach = _cache_class()
+        if attach is not None:
+            compiled._cache = attach(function)
     known[f'{function.__module__}.{function.__qualname__}'] = compiled
     return compiled
+
+
+@cache
+def _cache_class() -> Callable | None:
+    """Import the cache, which takes from numba what that does not promise; None = it is gone."""
+    try:
+        from procphys_ros.compilation.cache import KernelCache
+    except (ImportError, AttributeError) as error:
+        warn_once(f'numba {numba.__version__} has another cache ({error})')
+        return None
+    return KernelCache
