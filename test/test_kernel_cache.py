@@ -289,7 +289,8 @@ def test_what_numba_makes_has_other_names_in_every_process(tmp_path):
     found = []
     for user in ('one', 'other'):
         package = Installation(tmp_path / user, tmp_path / user / 'cache')
-        package.add('sorting', 'import numpy as np\nfrom procphys_ros.compilation import kernel\n\n'
+        package.add('sorting',
+                    'import numpy as np\nfrom procphys_ros.compilation import kernel\n\n'
                     '@kernel\ndef order(x):\n    return np.argsort(x)\n')
         names = (r"""import re; from procphys_ros.sorting import order; order(np.ones(2))
 names = re.findall(r'define[^@]*@"?(_ZN5numba[^"(]*)', *order.inspect_llvm().values())

@@ -35,7 +35,7 @@ _PACKAGE = Path(__file__).parents[1]
 ABOVE = ('batch', 'command_line', 'examples', 'export', 'render', 'ros', 'view')
 """Packages without kernels, from which modules with kernels import nothing."""
 
-_KEPT, _UNUSED = 8, 30 * 86400.0  # folders used last, and those used within so many seconds
+_KEPT, _UNUSED = 8, 30 * 86400.0  # folders that are kept, those used last; [s] at most since then
 # Settings of numba that change the code that it makes.
 _SETTINGS = ('OPT', 'LOOP_VECTORIZE', 'SLP_VECTORIZE', 'BOUNDSCHECK', 'DEBUGINFO_DEFAULT',
              'ENABLE_AVX', 'CPU_NAME', 'CPU_FEATURES', 'ENABLE_PROFILING')

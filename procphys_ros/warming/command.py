@@ -19,7 +19,7 @@ Compile all kernels, so that no simulation has to wait for them.
 `python -m procphys_ros.warm` compiles what the cache of the user lacks, on all cores.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 from multiprocessing import active_children, get_context
 import os
@@ -31,6 +31,7 @@ from procphys_ros.compilation.folder import is_complete, mark_complete
 from procphys_ros.terminal.argument_parser import OneLineParser, whole
 from procphys_ros.terminal.program import INTERRUPTED
 from procphys_ros.terminal.progress_bar import ProgressBar
+from procphys_ros.terminal.warning_lines import told_to
 
 _LOW_PRIORITY = 10  # 'nice': of a core that a simulation wants too it gets a tenth, not nothing
 
@@ -68,13 +69,12 @@ def warm(work: Iterator[str]) -> None:
 
     :param work: runs one scene per step of the iteration; yields its name.
     """
-    from procphys_ros.warming.scenes import SCENES
-    began, out = monotonic(), sys.stdout
+    count, began, out = len(_scenes()), monotonic(), sys.stdout
     with ProgressBar('compiling', out) as bar:
         for done, name in enumerate(work, 1):
-            bar.show(done, len(SCENES), name)
+            bar.show(done, count, name)
             if not out.isatty():
-                print(f'{done}/{len(SCENES)} {name}', file=out, flush=True)
+                print(f'{done}/{count} {name}', file=out, flush=True)
     mark_complete()
     print(f'all kernels compiled in {monotonic() - began:.0f} s', file=out, flush=True)
 
@@ -84,27 +84,23 @@ def _beside_a_node(cores: int) -> Iterator[str]:
     Run all scenes beside a node that is starting.
 
     The first one compiles what the node comes to last; the two share the work by the locks of
-    `compilation.sharing`. With a single core there is nothing to share.
+    `compilation.cache`. With a single core there is nothing to share.
     """
-    from procphys_ros.warming.scenes import SCENES
-    for place, (name, run) in enumerate(SCENES.items()):
+    for place, name in enumerate(_scenes()):
         if place == (0 if cores == 1 else 1):
             os.nice(_LOW_PRIORITY)
-        run()
-        yield name
+        yield _run(name)
 
 
 def _at_once(jobs: int) -> Iterator[str]:
     """Run all scenes in several processes."""
-    from procphys_ros.warming.scenes import SCENES
     if jobs <= 1:
-        for name in SCENES:
-            yield _run(name)
+        yield from map(_run, _scenes())
         return
     with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
         # Workers take over what is blocked: Ctrl-C in a terminal is for this process alone.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-        futures = [pool.submit(_run, name) for name in SCENES]
+        futures = [pool.submit(_run, name) for name in _scenes()]
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             for future in as_completed(futures):
@@ -117,6 +113,12 @@ def _at_once(jobs: int) -> Iterator[str]:
 
 
 def _run(name: str) -> str:
-    from procphys_ros.warming.scenes import SCENES
-    SCENES[name]()
+    with told_to(lambda _: None):  # that a wall falls is intended
+        _scenes()[name]()
     return name
+
+
+def _scenes() -> dict[str, Callable[[], None]]:
+    """Import the scenes, and with them most of the package, when they are needed."""
+    from procphys_ros.warming.scenes import SCENES
+    return SCENES
