@@ -23,10 +23,8 @@ import subprocess
 import sys
 
 import pytest
-from test_package import imports
 
 from procphys_ros.compilation import folder, kernel, subroutine
-from procphys_ros.compilation.decorator import KERNELS, SUBROUTINES
 from procphys_ros.language.parsers import make_parser
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -323,23 +321,6 @@ def test_kernels_leave_the_threads_of_numba_alone(decorator):
 def test_kernels_of_others_are_not_kept():
     """Keep no kernel whose sources the folder's name does not tell of."""
     assert kernel(lambda x: x).stats.cache_path is None
-
-
-def test_sources_of_kernels_are_all_in_the_name_of_the_folder():
-    """Reach no package from a module with kernels whose sources are left out of the digest."""
-    waiting = {name.rpartition('.')[0] for name in {**KERNELS, **SUBROUTINES}}
-    waiting = {name for name in waiting if name.startswith('procphys_ros.')}
-    seen: set[str] = set()
-    while waiting:
-        name = waiting.pop()
-        seen.add(name)
-        path = ROOT.joinpath(*name.split('.'))
-        for file in (path.with_suffix('.py'), path / '__init__.py'):
-            if file.is_file():
-                waiting |= {found for found in imports(file)
-                            if found.startswith('procphys_ros.')} - seen
-    assert len(seen) > 100
-    assert not {name.split('.')[1] for name in seen} & set(folder.ABOVE)
 
 
 def test_kernels_from_files_do_the_same_to_the_bit(tmp_path):

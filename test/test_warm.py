@@ -19,6 +19,7 @@ from collections.abc import Iterator
 import dis
 import importlib
 import inspect
+import json
 import os
 from pathlib import Path
 import pkgutil
@@ -28,31 +29,21 @@ from time import sleep
 from typing import Any
 
 import pytest
+from test_package import imports
 
 import procphys_ros
+from procphys_ros.compilation import folder
 from procphys_ros.compilation.decorator import KERNELS, SUBROUTINES
 from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.warming import command
 
 ROOT = Path(__file__).resolve().parents[1]
-COMPILED = """
-import numba.core.event as event
-
-class Compiled(event.Listener):
-    names = []
-    def on_start(self, event): self.names.append(event.data['dispatcher'].py_func.__qualname__)
-    def on_end(self, _): pass
-
-event.register('numba:compile', Compiled())
-"""
 WARMED = """
-from procphys_ros.compilation.decorator import KERNELS
 from procphys_ros.warming.scenes import SCENES
 for run in SCENES.values():
     run()
-print(*(name for name, one in KERNELS.items() if one.signatures))
 """
-SHIPPED = COMPILED + """
+SHIPPED = """
 from procphys_ros.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
@@ -62,16 +53,27 @@ for name in ('demo', 'wrecking_ball', 'dry_stone', 'ivy_on_wall', 'palms_in_a_gu
     simulation.explode(tuple(simulation.blueprint.poses[0, :3] + (0.0, 1.0, 1.0)), 3.0)
     simulation.step(30)
     simulation.close()
-print(*Compiled.names)
+"""
+SIGNATURES = """
+import json
+from procphys_ros.compilation.decorator import KERNELS
+print(json.dumps({name: list(map(str, one.signatures)) for name, one in KERNELS.items()}))
 """
 
 
-def words_of(program: str) -> list[str]:
-    """Run a program in a process of its own, and split the last line that it prints."""
-    done = subprocess.run([sys.executable, '-c', program], cwd=ROOT, capture_output=True,
-                          text=True)
+def called_by(program: str) -> dict[str, set[str]]:
+    """Run a program in a process of its own; return the types that it called each kernel with."""
+    done = subprocess.run([sys.executable, '-c', program + SIGNATURES], cwd=ROOT,
+                          capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    return done.stdout.splitlines()[-1].split()
+    found = json.loads(done.stdout.splitlines()[-1])
+    return {name: set(kinds) for name, kinds in found.items() if kinds}
+
+
+@pytest.fixture(scope='module')
+def warmed() -> dict[str, set[str]]:
+    """Run the small scenes, after which all kernels are compiled."""
+    return called_by(WARMED)
 
 
 def import_all() -> None:
@@ -92,13 +94,12 @@ def callees(kernel: Any) -> set[str]:
             if hasattr(value, 'py_func')}
 
 
-def test_small_scenes_call_all_kernels():
+def test_small_scenes_call_all_kernels(warmed):
     """Reach every kernel of the package from those that the scenes call."""
     import_all()
     known = {name: one for name, one in {**KERNELS, **SUBROUTINES}.items()
              if name.startswith('procphys_ros.')}
-    waiting = set(words_of(WARMED))
-    reached: set[str] = set()
+    waiting, reached = set(warmed), set()
     while waiting:
         name = waiting.pop()
         reached.add(name)
@@ -106,10 +107,30 @@ def test_small_scenes_call_all_kernels():
     assert known.keys() - reached == set()
 
 
-def test_simulations_compile_nothing():
-    """Run shipped scenes, and blow something up, after all kernels were called by small scenes."""
-    words_of(WARMED)
-    assert words_of(SHIPPED + "print('.')") == ['.'], words_of(SHIPPED)
+def test_simulations_call_what_is_compiled(warmed):
+    """Run shipped scenes, and blow something up: no kernel is called with other types."""
+    called = called_by(SHIPPED)
+    assert len(called) > 80
+    missing = {name: kinds - warmed.get(name, set()) for name, kinds in called.items()}
+    assert not any(missing.values()), {name: kinds for name, kinds in missing.items() if kinds}
+
+
+def test_sources_of_kernels_are_all_in_the_name_of_the_folder():
+    """Reach no package from a module with kernels whose sources are left out of the digest."""
+    import_all()
+    waiting = {name.rpartition('.')[0] for name in {**KERNELS, **SUBROUTINES}}
+    waiting = {name for name in waiting if name.startswith('procphys_ros.')}
+    seen: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        seen.add(name)
+        path = ROOT.joinpath(*name.split('.'))
+        for file in (path.with_suffix('.py'), path / '__init__.py'):
+            if file.is_file():
+                waiting |= {found for found in imports(file)
+                            if found.startswith('procphys_ros.')} - seen
+    assert len(seen) > 100
+    assert not {name.split('.')[1] for name in seen} & set(folder.ABOVE)
 
 
 def python_functions() -> Iterator[Any]:
