@@ -21,6 +21,7 @@ from pathlib import Path
 import shutil
 import subprocess
 import sys
+from time import time
 
 import pytest
 
@@ -175,6 +176,58 @@ def test_upgrade_of_a_callee_takes_effect(used):
     assert used.run()[:2] == (22.0, 0)
 
 
+def test_edit_of_another_module_compiles_nothing(used):
+    """Keep the kernels of a module that neither is nor imports what was edited."""
+    used.add('another', '')
+    used.add('callee', CALLEE.format(factor=2.0) + 'from procphys_ros import another\n')
+    assert used.run()[:2] == (22.0, 2)
+    used.add('third', 'from procphys_ros import caller\n')
+    assert used.run()[:2] == (22.0, 0)
+    used.add('caller', CALLER + '\n')
+    assert used.run()[:2] == (22.0, 1)
+    used.add('another', 'LIMIT = 1\n')
+    assert used.run()[:2] == (22.0, 2)
+
+
+@pytest.mark.parametrize('imported', [
+    'from procphys_ros.deep import module', 'from procphys_ros.deep import other, module as m',
+    'from procphys_ros.deep import (  # (sorted)\n    other,  # )\n    module)',
+    'from procphys_ros.deep \\\n    import other, \\\n    module',
+    'import procphys_ros.deep.module',
+    'if 1: from procphys_ros.deep import other; from procphys_ros.deep.module import x',
+    'import os, procphys_ros.deep.module as m', 'from procphys_ros.deep.module import x',
+    'def later():\n    from procphys_ros.deep.module import x'])
+def test_imports_are_found_however_written(imported, tmp_path, monkeypatch):
+    """Find a module by all forms of an import statement."""
+    monkeypatch.setattr(folder, '_ROOT', tmp_path)
+    (tmp_path / 'procphys_ros' / 'deep').mkdir(parents=True)
+    for name, source in {'__init__': '', 'first': imported, 'deep/__init__': '',
+                         'deep/module': 'from procphys_ros import last', 'deep/other': '',
+                         'last': ''}.items():
+        (tmp_path / 'procphys_ros' / f'{name}.py').write_text(source, 'utf-8')
+    for found in (folder._read, folder._module_of):
+        found.cache_clear()
+    try:
+        assert folder.sources('procphys_ros.first') >= {'procphys_ros.deep.module',
+                                                        'procphys_ros.last'}
+    finally:
+        for found in (folder._read, folder._module_of):
+            found.cache_clear()
+
+
+def test_fields_of_named_tuples_take_effect(used):
+    """Compile a kernel anew when the fields of its argument are exchanged, where none imports."""
+    used.add('sample', 'from procphys_ros.compilation import kernel\n\n'
+             '@kernel\ndef first(pair):\n    return pair.low\n')
+    after = ('from procphys_ros.sample import first\nfrom procphys_ros.pair import Pair\n'
+             'before = Compiled.count\nprint(first(Pair(1.0, 2.0)), Compiled.count - before)')
+    for fields, expected in [('low high', (1.0, 1)), ('low high', (1.0, 0)),
+                             ('high low', (2.0, 1))]:
+        used.add('pair', 'from collections import namedtuple\n'
+                 f'Pair = namedtuple("Pair", "{fields}")')
+        assert used.run(after=after)[:2] == expected
+
+
 def test_setting_of_numba_takes_effect(used):
     """Keep kernels with bounds checks apart from those without."""
     assert used.run(NUMBA_BOUNDSCHECK='1')[:2] == (22.0, 2)
@@ -247,19 +300,21 @@ def test_kernels_survive_removal_by_others(fresh):
 
 
 def test_old_folders_are_removed(tmp_path, monkeypatch):
-    """Keep the folders that were used last and within a month."""
-    monkeypatch.setattr(folder, 'kernel_folder', lambda: tmp_path / 'present')
-    for name, used in [('present', None), ('forgotten', 0.0)]:
-        (tmp_path / name / 'inner').mkdir(parents=True)
-        if used is not None:
-            os.utime(tmp_path / name, (used, used))
-    for age in range(1, 20):
-        (tmp_path / f'{age:02}').mkdir()
-        then = (tmp_path / 'present').stat().st_mtime - age
-        os.utime(tmp_path / f'{age:02}', (then, then))
+    """Keep the folders of each module that were used last and within a month."""
+    monkeypatch.setattr(folder, 'user_folder', lambda: tmp_path)
+    monkeypatch.setattr(folder, 'kernel_folder', lambda module: tmp_path / f'{module}-present')
+    for age in range(20):
+        (tmp_path / f'one.module-{age:02}').mkdir()
+        then = time() - age
+        os.utime(tmp_path / f'one.module-{age:02}', (then, then))
+    for module, used in [('used', time() - 86400.0), ('forgotten', 0.0)]:
+        (tmp_path / f'{module}-0' / 'inner').mkdir(parents=True)
+        os.utime(tmp_path / f'{module}-0', (used, used))
+    assert not folder.is_complete()
     folder.mark_complete()
-    left = sorted(path.name for path in tmp_path.iterdir())
-    assert left == [*(f'{age:02}' for age in range(1, 8)), 'present']
+    left = {path.name for path in tmp_path.iterdir()}
+    assert left == {*(f'one.module-{age:02}' for age in range(8)), 'used-0',
+                    'procphys_ros.warming.scenes-present'}
     assert folder.is_complete()
 
 
@@ -340,7 +395,7 @@ NUMBER: /[0-9]+/
 @pytest.fixture
 def tables(tmp_path, monkeypatch) -> Path:
     """Keep tables of parsers in a folder of the test's own, and say which."""
-    monkeypatch.setattr('procphys_ros.language.parsers.kernel_folder', lambda: tmp_path)
+    monkeypatch.setattr('procphys_ros.language.parsers.kernel_folder', lambda _: tmp_path)
     return tmp_path
 
 
@@ -367,5 +422,5 @@ def test_damaged_tables_are_replaced(tables, monkeypatch):
 def test_parsers_need_no_folder(tables, monkeypatch):
     """Make them in every process where nothing can be written."""
     (tables / 'file').write_text('in the way', 'utf-8')
-    monkeypatch.setattr('procphys_ros.language.parsers.kernel_folder', lambda: tables / 'file')
+    monkeypatch.setattr('procphys_ros.language.parsers.kernel_folder', lambda _: tables / 'file')
     assert make_parser('sum', _SUM).parse('1+2').children == ['1', '2']

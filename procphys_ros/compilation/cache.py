@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""numba's cache in a folder of our own, used by one process at a time."""
+"""numba's cache in folders of our own, used by one process at a time."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -25,6 +25,7 @@ from typing import Any
 
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.types.containers import BaseNamedTuple, BaseTuple
 
 from procphys_ros.compilation.folder import kernel_folder, prepare, warn_once
 from procphys_ros.compilation.progress import COMPILING
@@ -59,13 +60,13 @@ class _Locator:
     from_function = classmethod(lambda cls, function, file: cls(function, file))
 
     def get_cache_path(self) -> str:
-        return str(kernel_folder() / self._function.__module__)
+        return str(kernel_folder(self._function.__module__))
 
     def ensure_cache_path(self) -> None:
         prepare(Path(self.get_cache_path()))
 
     def get_source_stamp(self) -> str:
-        return ''  # the name of the folder tells of all sources
+        return ''  # the name of the folder tells of the sources
 
     def get_disambiguator(self) -> str:
         return str(self._function.__code__.co_firstlineno)
@@ -73,6 +74,12 @@ class _Locator:
 
 class _Files(CompileResultCacheImpl):
     _locator_classes = [_Locator]
+
+
+def _fields(kind: Any) -> tuple:
+    """Return the fields of a named tuple, and of those in a tuple."""
+    own = kind.fields if isinstance(kind, BaseNamedTuple) else ()
+    return own, *map(_fields, kind.types if isinstance(kind, BaseTuple) else ())
 
 
 class KernelCache(FunctionCache):
@@ -116,6 +123,10 @@ class KernelCache(FunctionCache):
             warn_once(error.strerror)
         finally:
             self._release()
+
+    def _index_key(self, sig: Any, codegen: Any) -> tuple:
+        """Tell named tuples apart by their fields too: the class may come from anywhere."""
+        return (*super()._index_key(sig, codegen), *map(_fields, sig))
 
     def _try_to_load(self, sig: Any, target_context: Any) -> Any:
         try:

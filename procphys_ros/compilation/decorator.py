@@ -65,8 +65,8 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
     Compile a function at its first call.
 
     Nothing calls kernels from C, so there are no wrappers for that. Threads are those of
-    `threads`: code from a file would find numba's own not started. The folder of kernels is named
-    by this package's sources only, so functions of others are not kept.
+    `threads`: code from a file would find numba's own not started. Folders of kernels are
+    named by this package's sources only, so functions of others are not kept.
     """
     compiled = njit(no_cfunc_wrapper=True, parallel=False, **options)(function)
     if function.__module__.startswith('procphys_ros.') and not config.DISABLE_JIT:

@@ -13,14 +13,16 @@
 # limitations under the License.
 
 
-"""The folder of compiled kernels: one for each set of sources, versions and processor."""
+"""Folders of compiled kernels: one per module, for its sources, versions and processor."""
 
+from collections import Counter
 from contextlib import suppress
 import errno
 from functools import cache
 import hashlib
 import os
 from pathlib import Path
+import re
 import shutil
 import sys
 from time import time
@@ -31,11 +33,15 @@ from llvmlite import binding
 import numba
 from numba import config
 
-_PACKAGE = Path(__file__).parents[1]
-ABOVE = ('batch', 'command_line', 'examples', 'export', 'render', 'ros', 'view')
-"""Packages without kernels, from which modules with kernels import nothing."""
+_ROOT = Path(__file__).parents[2]
+_PACKAGE = 'procphys_ros'
+_SCENES = f'{_PACKAGE}.warming.scenes'  # imports all modules with kernels; not so this one, hence:
+# A dotted name, even in a string, and what an import statement takes from there. To parse all
+# files would take a second of every start.
+_IMPORT = re.compile(rf'({_PACKAGE}(?:\.\w+)*)'
+                     r'(?:(?=[\s\\]+import\b(\s*\((?:#[^\n]*|[^)#])*\)|(?:\\\n|[^\n])*))|)')
 
-_KEPT, _UNUSED = 8, 30 * 86400.0  # folders that are kept, those used last; [s] at most since then
+_KEPT, _UNUSED = 8, 30 * 86400.0  # folders kept of a module, those used last; [s] at most since
 # Settings of numba that change the code that it makes.
 _SETTINGS = ('OPT', 'LOOP_VECTORIZE', 'SLP_VECTORIZE', 'BOUNDSCHECK', 'DEBUGINFO_DEFAULT',
              'ENABLE_AVX', 'CPU_NAME', 'CPU_FEATURES', 'ENABLE_PROFILING')
@@ -52,25 +58,60 @@ def user_folder() -> Path:
 
 
 @cache
-def kernel_folder() -> Path:
+def kernel_folder(module: str) -> Path:
     """
-    Return the folder named by all that decides the machine code of kernels; mark it as used.
+    Return the folder of a module's kernels, named by all that decides their code; mark it as used.
 
-    That is every source that a kernel may contain, whichever file it comes from, the versions of
-    numba, llvmlite and Python, numba's settings, and the processor.
+    That is every source that they may contain, the versions of numba, llvmlite and Python, numba's
+    settings, and the processor.
+
+    :param module: dotted name, of this package.
     """
     settings = [str(getattr(config, name, None)) for name in _SETTINGS]
     cpu = [binding.get_host_cpu_name(), binding.get_host_cpu_features().flatten()]
     facts = [numba.__version__, llvmlite.__version__, sys.version, *cpu, *settings]
-    digest = hashlib.sha256('\n'.join(facts).encode())
-    for path in sorted(_PACKAGE.rglob('*.py')):
-        name = path.relative_to(_PACKAGE)
-        if name.parts[0] not in ABOVE:
-            digest.update(f'{name}\n'.encode() + path.read_bytes())
-    folder = user_folder() / digest.hexdigest()[:16]
+    facts += [f'{name} {_read(name)[0]}' for name in sorted(sources(module))]
+    digest = hashlib.sha256('\n'.join(facts).encode()).hexdigest()[:16]
+    folder = user_folder() / f'{module}-{digest}'
     with suppress(OSError):  # does not exist yet, or belongs to somebody else
         os.utime(folder)
     return folder
+
+
+def sources(module: str) -> set[str]:
+    """
+    List a module and all of this package that it imports, also through others.
+
+    :param module: dotted name, of this package.
+    """
+    found, waiting = set(), {module}
+    while waiting:
+        name = waiting.pop()
+        found.add(name)
+        waiting |= _read(name)[1] - found
+    return found
+
+
+@cache
+def _read(module: str) -> tuple[str, set[str]]:
+    """Return the digest of a module's source, and the modules of this package that it names."""
+    source = Path(_file(module)).read_bytes()
+    names = set()
+    for origin, members in _IMPORT.findall(source.decode()):
+        names |= {origin, *(f'{origin}.{member}' for member in re.findall(r'\w+', members))}
+    return hashlib.sha256(source).hexdigest(), {_module_of(name) for name in names}
+
+
+@cache
+def _module_of(name: str) -> str:
+    """Return the module that a dotted name tells, or is found in."""
+    return name if os.path.isfile(_file(name)) else _module_of(name.rpartition('.')[0])
+
+
+def _file(module: str) -> str:
+    path = os.path.join(_ROOT, *module.split('.'))
+    package = f'{path}/__init__.py'
+    return package if os.path.isfile(package) else f'{path}.py'
 
 
 def prepare(folder: Path) -> None:
@@ -92,25 +133,30 @@ def is_complete() -> bool:
 def mark_complete() -> None:
     """Record that all kernels have been compiled, and remove what has not been used for long."""
     try:
+        prepare(_mark().parent)
         _mark().touch()
-        others = sorted(kernel_folder().parent.iterdir(), key=_last_use)
+        found = sorted(user_folder().iterdir(), key=_last_use, reverse=True)
     except OSError:
         return  # nothing can be kept here, as a warning has said
-    for place, old in enumerate(others):
-        if place < len(others) - _KEPT or _last_use(old) < time() - _UNUSED:
-            shutil.rmtree(old, ignore_errors=True)
+    newer: Counter[str] = Counter()
+    for folder in found:
+        module = folder.name.rpartition('-')[0]
+        if newer[module] == _KEPT or _last_use(folder) < time() - _UNUSED:
+            shutil.rmtree(folder, ignore_errors=True)
+        else:
+            newer[module] += 1
 
 
 @cache
 def warn_once(reason: str) -> None:
     """Warn that kernels cannot be kept."""
-    warnings.warn(f'compiled kernels cannot be kept in {kernel_folder()}, every start will '
+    warnings.warn(f'compiled kernels cannot be kept in {user_folder()}, every start will '
                   f'compile them: {reason}; NUMBA_CACHE_DIR names another folder',
                   RuntimeWarning, stacklevel=3)
 
 
 def _mark() -> Path:
-    return kernel_folder() / 'complete'
+    return kernel_folder(_SCENES) / 'complete'
 
 
 def _last_use(folder: Path) -> float:

@@ -37,7 +37,7 @@ def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:
     """
     facts = repr((grammar, sorted(options.items()), lark.__version__))
     digest = hashlib.sha256(facts.encode()).hexdigest()[:16]
-    path = kernel_folder() / f'{name}-{digest}.tables'
+    path = kernel_folder(name) / f'{digest}.tables'
     try:
         return lark.Lark.load(BytesIO(path.read_bytes()))
     except Exception:  # whatever a missing or damaged file may raise

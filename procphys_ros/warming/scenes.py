@@ -33,6 +33,9 @@ from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
 
+# Worlds import these when they are made, so that the mark of complete kernels depends on them:
+# procphys_ros.physics.world.bullet, procphys_ros.physics.world.native.
+
 # Rules with contexts, trees that are culled, and shelter.
 _SAPLINGS: dict[str, Any] = {
     'scene': {'objects': ['sapling']}, 'wind': {'velocity': [20.0, 0.0, 0.0], 'shelter': True},
