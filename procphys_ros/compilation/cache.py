@@ -96,6 +96,7 @@ class KernelCache(FunctionCache):
     """
 
     _impl_class = _Files
+    _numbas_key = FunctionCache._index_key  # AttributeError where numba does otherwise
 
     def __init__(self, function: Callable):
         super().__init__(function)
@@ -126,7 +127,7 @@ class KernelCache(FunctionCache):
 
     def _index_key(self, sig: Any, codegen: Any) -> tuple:
         """Tell named tuples apart by their fields too: the class may come from anywhere."""
-        return (*super()._index_key(sig, codegen), *map(_fields, sig))
+        return (*self._numbas_key(sig, codegen), *map(_fields, sig))
 
     def _try_to_load(self, sig: Any, target_context: Any) -> Any:
         try:
