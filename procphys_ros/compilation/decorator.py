@@ -20,8 +20,8 @@ from functools import cache, partial
 from typing import Any
 
 import numba
-from numba import config, njit
-from numba.extending import register_jitable
+from numba import config, njit, types
+from numba.core.typing.templates import infer_global
 
 from procphys_ros.compilation.folder import warn_once
 
@@ -29,6 +29,7 @@ KERNELS: dict[str, Any] = {}
 """Every kernel that has been imported, by its dotted name."""
 SUBROUTINES: dict[str, Any] = {}
 """Every subroutine that has been imported, likewise."""
+_INLINED: dict[str, Any] = {}
 
 
 def kernel(function: Callable | None = None, /, **options: Any) -> Any:
@@ -56,8 +57,16 @@ def subroutine(function: Callable | None = None, /, **options: Any) -> Any:
 
 
 def inlined(function: Callable) -> Callable:
-    """Let kernels compile a function into its callers; Python calls it uncompiled."""
-    return register_jitable(function)
+    """
+    Let kernels call a function of numbers; Python calls it uncompiled.
+
+    :param function: divides by nothing that may be zero.
+    """
+    if not config.DISABLE_JIT:
+        compiled = _compiled(_INLINED, function, no_cpython_wrapper=True,
+                             error_model='numpy', _nrt=False)
+        infer_global(function, types.Dispatcher(compiled))
+    return function
 
 
 def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
@@ -73,6 +82,11 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
         attach = _cache_class()
         if attach is not None:
             compiled._cache = attach(function)
+    if not config.DISABLE_JIT:
+        template = compiled.get_call_template
+        # Else numba compiles once per constant that a kernel passes.
+        compiled.get_call_template = lambda args, kws: template(
+            tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()})
     known[f'{function.__module__}.{function.__qualname__}'] = compiled
     return compiled
 

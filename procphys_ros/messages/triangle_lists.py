@@ -24,7 +24,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.foliage import Foliage
 from procphys_ros.messages.marker_rows import BEFORE, ListMarker
@@ -136,7 +136,7 @@ def place(poses, row, corners, out):
             out[i, 0], out[i, 1], out[i, 2] = _placed(poses, row[i], corners, i)
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _placed(poses, p, corners, i):
     x, y, z, w = poses[p, 3], poses[p, 4], poses[p, 5], poses[p, 6]
     a, b, c = corners[i, 0], corners[i, 1], corners[i, 2]

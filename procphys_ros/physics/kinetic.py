@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.rotation_kernels import matrix_rows
 
 
@@ -42,7 +42,7 @@ def _motion_energy(mass, inertia, attitude, velocities):
     return out
 
 
-@kernel
+@subroutine
 def kinetic_energy(mass, inertia, attitude, velocity):
     """Compute the kinetic energy of one rigid body [J], see `motion_energy`."""
     x, y, z = matrix_rows(attitude)

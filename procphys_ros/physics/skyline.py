@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.terrain import height_at as ground_at
 
@@ -85,7 +85,7 @@ def height_at(skyline, x, y):
     return max(_built(skyline, x, y), ground_at(skyline.terrain, x, y))
 
 
-@kernel
+@subroutine
 def _built(skyline, x, y):
     """Return the height of structures at a point [m]."""
     column = np.floor((x - skyline.low[0]) / skyline.edge)

@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.messages.marker_rows import Action, command, marker_array
 
 _START = 8  # of the first marker: after the encapsulation and the count
@@ -102,24 +102,24 @@ def _walk(data, out):
         out[row, 1] = min(at, len(data))
 
 
-@kernel
+@subroutine
 def _word(data, at):
     return (np.uint32(data[at]) | np.uint32(data[at + 1]) << np.uint32(8)
             | np.uint32(data[at + 2]) << np.uint32(16) | np.uint32(data[at + 3]) << np.uint32(24))
 
 
-@kernel
+@subroutine
 def _aligned(at, size):
     """Return the next offset with an alignment relative to the end of the encapsulation."""
     return at + (4 - at) % size
 
 
-@kernel
+@subroutine
 def _string(data, at):
     return at + 4 + np.int64(_word(data, at))
 
 
-@kernel
+@subroutine
 def _sequence(data, at, alignment, size):
     at = _aligned(at, 4)
     count = np.int64(_word(data, at))

@@ -25,7 +25,7 @@ grid of cells: most parts are hit by few rays or by none.
 import numpy as np
 
 from procphys_ros.blueprint import Hexahedra, Shape
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.hexahedron import FACES
 from procphys_ros.geometry.linear import norm
 from procphys_ros.geometry.rotation_kernels import matrix_rows
@@ -147,19 +147,19 @@ def _cast(pattern, pose, reach, order, nearest, shapes, poses, sizes, form, corn
                         ranges[i, j], hit[i, j] = far, k
 
 
-@kernel
+@subroutine
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@subroutine
 def _to_frame(u, v, w, a):
     """Rotate a world vector into the frame whose axes are the columns of rows u, v, w."""
     return (u[0] * a[0] + v[0] * a[1] + w[0] * a[2], u[1] * a[0] + v[1] * a[1] + w[1] * a[2],
             u[2] * a[0] + v[2] * a[1] + w[2] * a[2])
 
 
-@kernel
+@subroutine
 def _through_box(origin, ray, half):
     """Return the ranges at which a ray enters and leaves a box (slab method)."""
     enter, leave = -np.inf, np.inf
@@ -227,7 +227,7 @@ def _to_hexahedron(origin, ray, half, planes):
     return enter if enter <= leave and enter > 0.0 else np.inf
 
 
-@kernel
+@subroutine
 def _to_capsule(origin, ray, radius, straight):
     """Return the range to a capsule along z, `straight` being half of its cylinder's length."""
     z = min(max(origin[2], -straight), straight)

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 from procphys_ros.elementary import cos, functions, sin, tan
 from procphys_ros.geometry.linear import norm
 
@@ -72,7 +72,7 @@ def pinhole(rows: int, columns: int, height: float, width: float) -> Pattern:
     return Pattern(True, float(wide), float(tall), np.ascontiguousarray(directions))
 
 
-@kernel
+@subroutine
 def window(is_pinhole, centre, x, y, z):
     """
     Compute outer bounds of the directions to a box.

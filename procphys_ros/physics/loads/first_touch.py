@@ -22,7 +22,7 @@ and normal out of it, one row per target. Bodies that overlap from the start tou
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.linear_kernels import transformed
 
 _EXACT = 1e-9    # [m] distance at which a body counts as touching
@@ -51,7 +51,7 @@ def sphere_on_boxes(start, along, radius, centres, axes, halves):
     return fraction, point, normal
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _sphere_on_box(p, v, radius, half):
     """Return the path parameter at which a sphere touches a box, in the box's frame."""
     cuts = np.empty(7)
@@ -105,7 +105,7 @@ def sphere_on_capsules(start, along, radius, centres, arms, radii):
     return fraction, point, normal
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _point_on_capsule(p, v, arm, radius):
     """Return the path parameter at which a point touches a capsule about the origin."""
     foot = p - arm * _foot(p, arm)
@@ -128,7 +128,7 @@ def _point_on_capsule(p, v, arm, radius):
     return best if best <= 1.0 else np.inf
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _root(a, b, c):
     """Return the root of a t² + 2 b t + c at t >= 0 with negative slope, or inf."""
     root = b * b - a * c
@@ -156,7 +156,7 @@ def box_on_boxes(start, along, own_axes, own_half, centres, axes, halves):
     return fraction, point, normal
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _box_on_box(offset, along, a, a_half, b, b_half, best):
     """Return the path parameter at which two boxes touch; write the last separating axis."""
     enter, leave, least = 0.0, 1.0, np.inf
@@ -231,7 +231,7 @@ def box_on_capsules(start, along, own_axes, own_half, centres, arms, radii):
     return fraction, point, normal
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _segment_to_box(centre, arm, half, gap):
     """
     Find the parameter s in [-1, 1] of the point of a segment nearest to a box about the origin.
@@ -258,27 +258,27 @@ def _segment_to_box(centre, arm, half, gap):
     return s
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _dot(a, b):
     """Return the dot product of two vectors (3,), contiguous or not."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _into(axes, vector, out):
     """Rotate a world vector into the frame whose axes are the columns of a matrix."""
     for k in range(3):
         out[k] = axes[0, k] * vector[0] + axes[1, k] * vector[1] + axes[2, k] * vector[2]
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _foot(place, arm):
     """Return the parameter in [-1, 1] of a segment about the origin nearest to a point."""
     square = _dot(arm, arm)
     return min(max(_dot(place, arm) / square, -1.0), 1.0) if square > 0.0 else 0.0
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _point_out(away, instead, out):
     """Write the unit vector of `away`, or of `instead` where `away` has zero length."""
     length = np.sqrt(_dot(away, away))
@@ -288,7 +288,7 @@ def _point_out(away, instead, out):
         out[k] = away[k] / length
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _touch_box(local, half, centre, axes, point, normal):
     """Write nearest point and normal of a box for a point in its frame; inside: nearest face."""
     foot, out = np.empty(3), np.zeros(3)

@@ -22,7 +22,7 @@ Boxes are listed in the cells of a grid, and a ray tests those listed in the cel
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import cbrt
 from procphys_ros.geometry import rotation
 
@@ -127,7 +127,7 @@ def _list_boxes(low, high, rows, origin, cell, shape):
     return starts, lists
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _hit(start, along, boxes, row):
     """Return whether the segment from start to start + along enters a box and ends outside it."""
     x, y, z = start[0] - boxes[row, 0], start[1] - boxes[row, 1], start[2] - boxes[row, 2]
@@ -151,7 +151,7 @@ def _hit(start, along, boxes, row):
     return not holds_end
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _enter(start, along, origin, cell, shape, walk):
     """
     Initialise the walk of a ray at the first grid cell that it enters.
@@ -181,7 +181,7 @@ def _enter(start, along, origin, cell, shape, walk):
     return leave
 
 
-@kernel(error_model='numpy')
+@subroutine(error_model='numpy')
 def _hinder(start, along, owner, boxes, grid, walk):
     """Walk one ray through the grid; return the first box found to block it, or -1."""
     origin, cell, shape, starts, lists = grid

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import functions
 from procphys_ros.physics.masonry import cells, components, links, rigid_cells
 from procphys_ros.physics.masonry.strength import stays_closed
@@ -83,7 +83,7 @@ def _inside(topology, scratch, parts):
     return cells.inside(parts, start, incident, alive, first, second, scratch[1])
 
 
-@kernel
+@subroutine
 def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, wanted, energy):
     """Break a piece by one blow; return broken rows, their loads, and the transmitted share."""
     rows, a, b = _inside(topology, scratch, parts)
@@ -119,7 +119,7 @@ def _strike(topology, masses, joints, strength, wood, scratch, parts, wrenches, 
     return broken[:found].copy(), over[:found].copy(), 1.0 / worst
 
 
-@kernel
+@subroutine
 def _between_cells(rows, a, b, node):
     """Return the bonds between different cells, with cells in place of parts."""
     found = 0
@@ -131,7 +131,7 @@ def _between_cells(rows, a, b, node):
     return rows[:found].copy(), a[:found].copy(), b[:found].copy()
 
 
-@kernel
+@subroutine
 def _pack(joints, rows, a, b, centre):
     """Pack springs between cells into links, see `links.build`."""
     centroid, axes, spring = joints[0], joints[1], joints[2]
@@ -151,7 +151,7 @@ def _pack(joints, rows, a, b, centre):
     return packed
 
 
-@kernel
+@subroutine
 def _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench):
     """
     Solve for the wrenches of the bonds; return the strain energy [J], -1 without strain.
@@ -175,7 +175,7 @@ def _solve(cell, pairs, packed, axes, a, b, alive, faint, wrench):
     return 0.5 * energy
 
 
-@kernel
+@subroutine
 def _largest(values):
     most = 0.0
     for row in values:
@@ -184,7 +184,7 @@ def _largest(values):
     return most
 
 
-@kernel
+@subroutine
 def _gentler(strain_energy, energy):
     """
     Return the factor by which the compliance of a piece reduces the forces of a blow.
@@ -227,7 +227,7 @@ def _overloads(wrench, rows, alive, joints, strength, wood, gentler, load):
     return most
 
 
-@kernel
+@subroutine
 def _demand(wrench, area, extent, tension, cohesion, friction, compression, reinforcement):
     """
     Return load over capacity of a bond of mortar, and whether the bond opens.
@@ -247,7 +247,7 @@ def _demand(wrench, area, extent, tension, cohesion, friction, compression, rein
     return max(opening, other, 0.0), opening > other
 
 
-@kernel
+@subroutine
 def _wood_demand(wrench, area, wood, row):
     """
     Return load over capacity of a joint in a broken-off branch.
@@ -262,7 +262,7 @@ def _wood_demand(wrench, area, wood, row):
     return max(pull / force[row], abs(wrench[5]) / torque[row], bending / stress[row])
 
 
-@kernel
+@subroutine
 def _cut(topology, row):
     _, _, _, _, alive, cracked, packed = topology
     alive[row] = False

@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.masonry.graph import HUB
 
 _SAME = 1e-6  # [m] distances in a bond of bricks that differ by less are the same
@@ -94,7 +94,7 @@ def inside(parts, start, incident, alive, first, second, place):
     return rows[:found].copy(), a[:found].copy(), b[:found].copy()
 
 
-@kernel
+@subroutine
 def _adjacency(count, a, b):
     start = np.zeros(count + 1, np.int64)
     for k in range(len(a)):

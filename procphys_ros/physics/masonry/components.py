@@ -17,10 +17,10 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 
 
-@kernel
+@subroutine
 def root_of(parent, i):
     """Return the root of the component of part i, and shorten the path there."""
     while parent[i] != i:

@@ -202,7 +202,7 @@ def _factor(start, column, blocks, rank, fill, panels):
                     panel[c, 6 * (p - begin) + r] = -left[r, c]
 
 
-@kernel
+@subroutine
 def _subtract(total, left, right):
     """Subtract a product of 6 x 6 matrices."""
     for r in range(6):
@@ -213,7 +213,7 @@ def _subtract(total, left, right):
                             + d * right[3, k] + e * right[4, k] + f * right[5, k])
 
 
-@kernel
+@subroutine
 def _turned(out, matrix):
     """Write the transpose of a 6 x 6 matrix; slice assignments take seconds to compile."""
     for r in range(6):
@@ -221,7 +221,7 @@ def _turned(out, matrix):
             out[r, c] = matrix[c, r]
 
 
-@kernel
+@subroutine
 def _invert(matrix, scale, out):
     """
     Invert a symmetric matrix by the sweep operator (Goodnight 1979, Am. Stat. 33(3)).

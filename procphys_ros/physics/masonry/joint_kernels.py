@@ -17,7 +17,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.masonry.links import alongside
 
 _TWIST = 0.27   # radius of friction against twist over the diagonal of the patch: that of a square
@@ -30,7 +30,7 @@ _BACK, _ON = 0.5, 1.25
 _LEAST_PACE = 1e-3  # from which 31 steps on lead to the whole: no bound is left behind for good
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _edge(x0, y0, x1, y1, out):
     """Add the contribution of one polygon edge to area, first and second moments."""
     c = x0 * y1 - x1 * y0
@@ -42,7 +42,7 @@ def _edge(x0, y0, x1, y1, out):
     out[5] += (x0 * y1 + 2.0 * x0 * y0 + 2.0 * x1 * y1 + x1 * y0) * c / 24.0
 
 
-@kernel
+@subroutine
 def pressed_moments(length, width, gap, tilt_x, tilt_y, out):
     """
     Integrate 1, x, y, x², y², xy over the part of a rectangle where gap + tilt_x·y - tilt_y·x < 0.
@@ -81,7 +81,7 @@ def pressed_moments(length, width, gap, tilt_x, tilt_y, out):
         _edge(last_x, last_y, start_x, start_y, out)
 
 
-@kernel
+@subroutine
 def _deltas(m, first, second, centroid, centre, axes, q, out):
     """Write the displacement of second relative to first at the centroid, bond frame, (6,)."""
     i, j = first[m], second[m]
@@ -104,13 +104,13 @@ def _deltas(m, first, second, centroid, centre, axes, q, out):
                       + world[5] * axes[m, 2, c])
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _radius(extent):
     """Return the effective radius of friction against twist [m]."""
     return _TWIST * np.sqrt(extent[0] ** 2 + extent[1] ** 2)
 
 
-@kernel
+@subroutine
 def _friction(m, d, shear, extent, place, bound, slip, out):
     """
     Write the friction at its point of action: Tx, Ty, Mz, and its share of the elastic force.
@@ -145,7 +145,7 @@ def _normal(m, d, stiffness, extent, moments, out):
     out[2] = -stiffness * (d[2] * sx + d[3] * sxy - d[4] * sxx)
 
 
-@kernel
+@subroutine
 def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
     """Add a wrench of the second part on the first to both, world axes."""
     for body, arm, s in ((first[m], arm_first, sign), (second[m], arm_second, -sign)):
@@ -157,7 +157,7 @@ def _scatter(m, first, second, arm_first, arm_second, force, sign, out):
         out[body, 5] += s * (force[5] + arm[0] * force[1] - arm[1] * force[0])
 
 
-@kernel
+@subroutine
 def _model(m, links, coupling, bias, first, second, q, moved, force):
     """Write the relative motion at the link's point and the force of its tangent, world axes."""
     i, j = first[m], second[m]
@@ -179,7 +179,7 @@ def _model(m, links, coupling, bias, first, second, q, moved, force):
         force[3 + c] += coupling[m, 3 + c] * slide + bias[m, 3 + c]
 
 
-@kernel
+@subroutine
 def _turned(m, axes, local, world):
     """Rotate a force and a moment from the bond frame into world axes."""
     for r in range(3):
@@ -188,7 +188,7 @@ def _turned(m, axes, local, world):
                         + axes[m, r, 2] * local[5])
 
 
-@kernel
+@subroutine
 def _mix(moments, share, extent):
     """Blend the moments of the pressed part with the whole rectangle; return the centroid."""
     area = extent[0] * extent[1]
@@ -200,7 +200,7 @@ def _mix(moments, share, extent):
     return moments[1] / moments[0], moments[2] / moments[0]
 
 
-@kernel
+@subroutine
 def _sliding(shear, share, secant, friction, radius, away, out):
     """
     Write the tangent of friction along x and y and about z, 3 x 3, at the link's point.
@@ -227,7 +227,7 @@ def _sliding(shear, share, secant, friction, radius, away, out):
         out[2, r] = out[r, 2]
 
 
-@kernel
+@subroutine
 def _pack(axes, block, link):
     """Write a symmetric matrix of the bond frame as upper triangle in world axes."""
     k = 0
@@ -241,7 +241,7 @@ def _pack(axes, block, link):
             k += 1
 
 
-@kernel
+@subroutine
 def _tangent(m, axes, extent, normal, shear, share, secant, friction, middle, place, moments,
              links, coupling, scratch):
     """Write the tangent stiffness of a joint; return its least share of the whole stiffness."""
@@ -269,7 +269,7 @@ def _tangent(m, axes, extent, normal, shear, share, secant, friction, middle, pl
                max(friction[3], share))
 
 
-@kernel
+@subroutine
 def _steady(m, friction, radius, way, secant):
     """
     Set the stiffness along the slide of a joint whose friction has reversed to its secant.
@@ -311,7 +311,7 @@ def _follow(m, target, bound, pace):
     pace[m] = np.copysign(share, change)
 
 
-@kernel
+@subroutine
 def _lag(friction, radius, bound, target):
     """Return how far friction is from that with the bound at the present pressure [N]."""
     elastic = np.sqrt(friction[0] ** 2 + friction[1] ** 2 + (friction[2] / radius) ** 2)
@@ -320,7 +320,7 @@ def _lag(friction, radius, bound, target):
     return abs(min(elastic, bound) - min(elastic, target))
 
 
-@kernel
+@subroutine
 def _tie(m, first, second, centroid, centre, axes, middle, links):
     """Write the arms from the parts to the centroid of the pressed part."""
     for c in range(3):
@@ -417,7 +417,7 @@ def power(rows, label, first, second, centroid, centre, axes, extent, normal, sh
             out[label[k]] -= (start[c] + part * (force[c] - bias[m, c])) * rate[c]
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def _span(along_x, along_y, extent):
     """Return the length of a patch in a direction along it [m]."""
     x, y = abs(along_x), abs(along_y)

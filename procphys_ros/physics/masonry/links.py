@@ -27,7 +27,7 @@ vector p along the patch, force per turn, and the normal n, packed as a row of 6
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.linear_kernels import inverse
 
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
@@ -85,7 +85,7 @@ def incidence(count: int, first: np.ndarray, second: np.ndarray) -> tuple[np.nda
     return start.astype(np.int64), bond[order]
 
 
-@kernel
+@subroutine
 def _pull(link, m, q, i, j):
     """Return the force and moment of j on i at the patch, world axes."""
     d, e, f = q[i, 3], q[i, 4], q[i, 5]
@@ -135,7 +135,7 @@ def add_pulls(bonds, links, first, second, q, out, sign):
         out[j, 5] -= c + links[m, 3] * y - links[m, 4] * x
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def alongside(vectors, m, c, other, k):
     """Return the dot product of vectors[m, c:c + 3] and other[k:k + 3]."""
     return (vectors[m, c] * other[k] + vectors[m, c + 1] * other[k + 1]
@@ -179,13 +179,13 @@ def pulls(bonds, links, axes, first, second, q, out):
             out[k, 3 + c] = w[3] * axes[m, 0, c] + w[4] * axes[m, 1, c] + w[5] * axes[m, 2, c]
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def cross(a, b):
     """Return the cross product of the first three numbers of two sequences."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@kernel
+@subroutine
 def add_stiffness(block, link, arm):
     """
     Add the stiffness of a link against the motion of a body, about a point of that body.

@@ -17,11 +17,11 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.masonry import factor, links
 
 
-@kernel
+@subroutine
 def residual_size(parts, residual, reach):
     """Return the largest nodal residual [N]: its force, or its moment over the part's reach."""
     worst = 0.0
@@ -44,7 +44,7 @@ def residual_sizes(residual, reach):
     return sizes
 
 
-@kernel
+@subroutine
 def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, work, z):
     """Write z = block-Jacobi + coarse correction of the residual; return residual·z."""
     factor.clear(panels, columns, rigid)
@@ -75,7 +75,7 @@ def _precondition(parts, residual, blocks, owner, arm, panels, columns, rigid, w
     return product
 
 
-@kernel
+@subroutine
 def _turn(parts, z, beta, p, q):
     """Compute the next search direction p and clear q for K·p."""
     for i in parts:
@@ -84,7 +84,7 @@ def _turn(parts, z, beta, p, q):
             q[i, c] = 0.0
 
 
-@kernel
+@subroutine
 def _dot(parts, p, q):
     product = 0.0
     for i in parts:
@@ -93,7 +93,7 @@ def _dot(parts, p, q):
     return product
 
 
-@kernel
+@subroutine
 def _go(parts, step, x, residual, p, q, reach):
     """Step along p; return the largest nodal residual then [N], see `residual_size`."""
     worst = 0.0
@@ -134,7 +134,7 @@ def iterate(islands, graph, preconditioner, state, reach, old, tolerance, limit)
     return done, worst
 
 
-@kernel
+@subroutine
 def _iterate(island, graph, preconditioner, state, reach, old, tolerance, limit):
     """Run conjugate gradients (Saad 2003, algorithm 9.1) on one island, see `iterate`."""
     parts, bonds, cracked, columns = island

@@ -33,7 +33,7 @@ middle third. `fracture.Fracture` decides what happens to bonds beyond a limit. 
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry.graph import BondGraph, HUB
 from procphys_ros.physics.masonry.members import with_largest_moments
@@ -46,7 +46,7 @@ _BLOCK = 1e-3       # of the side of the patch: least side of the block under th
 _MARGIN = 0.95      # of the side that balances the resultant: utilisation 0.9 once opened
 
 
-@kernel
+@subroutine
 def _crush(wrench, extent, compression):
     """
     Return the utilisation in compression of a cracked joint: pressure over block strength.
@@ -60,7 +60,7 @@ def _crush(wrench, extent, compression):
     return -wrench[2] / (compression * length * width)
 
 
-@kernel
+@subroutine
 def _is_free(wrench):
     """Return whether a bond is unloaded, as in fallen islands."""
     free = True
@@ -125,7 +125,7 @@ def utilisation(graph: BondGraph, wrench: np.ndarray) -> tuple[np.ndarray, np.nd
     return share, cause
 
 
-@kernel
+@subroutine
 def _closed(wrench, extent):
     """Compute eccentricity and closed length of a pressed bond, along x, then along y [m]."""
     x, y = wrench[4] / -wrench[2], wrench[3] / wrench[2]
@@ -135,7 +135,7 @@ def _closed(wrench, extent):
             y, min(_MARGIN * 0.5 * (3.0 - kern_y * more), 1.0) * extent[1])
 
 
-@kernel
+@subroutine
 def stays_closed(wrench, extent, whole_extent):
     """Return whether a bond beyond its edge tension stays partly closed, see `opening`."""
     if not wrench[2] < 0.0:

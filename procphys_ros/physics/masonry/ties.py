@@ -28,7 +28,7 @@ opening of the crack tears the steel.
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import subroutine
 from procphys_ros.physics.masonry.graph import BondGraph
 
 LEVER = 0.72     # z over the depth of the section: 0.9·d, with d = 0.8 of thin slabs and lintels
@@ -40,7 +40,7 @@ ELONGATION = 0.005  # [m] at which steel tears: ε_uk = 5 % (EN 1992-1-1 table C
 #                     the 0.1 m along which a bar slips beside a crack
 
 
-@kernel(inline='always')
+@subroutine(inline='always')
 def tie_stress(pull, bending):
     """
     Return the force of the tensile layer of steel over the area of the section [Pa].

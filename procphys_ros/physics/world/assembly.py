@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.linear_kernels import diagonalise, transformed, transformed_back
 from procphys_ros.geometry.rotation_kernels import matrix
 
@@ -78,7 +78,7 @@ def _rigid_sum(mass, inertia, poses, velocities):
     return total, moments, pose, velocity, relative_rows(pose, poses)
 
 
-@kernel
+@subroutine
 def _collect(mass, inertia, poses, velocities):
     """Sum mass, centre, mean velocity, inertia tensor and angular momentum about the centre."""
     total = mass.sum()
@@ -110,7 +110,7 @@ def _collect(mass, inertia, poses, velocities):
     return total, centre, drift, tensor, spin
 
 
-@kernel
+@subroutine
 def quaternion(m):
     """Convert a rotation matrix, (3, 3), to a quaternion as `rotation.from_matrix` does, (4,)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
@@ -130,7 +130,7 @@ def quaternion(m):
     return q / np.sqrt((q * q).sum())
 
 
-@kernel
+@subroutine
 def relative_rows(frame, poses):
     """
     Express many poses in one frame: `rotation.relative`, ten times faster for a few dozen rows.
@@ -153,7 +153,7 @@ def relative_rows(frame, poses):
     return out
 
 
-@kernel
+@subroutine
 def aligned_extents(poses, sizes, tolerance):
     """
     Mark the boxes that are rotated by quarter turns only, and compute their aligned extents.

@@ -18,7 +18,7 @@
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.rotation_kernels import carried, matrix_rows
 from procphys_ros.physics.touch import half_extent
 from procphys_ros.physics.world.body_table import BodyTable
@@ -89,19 +89,19 @@ def _are_near(pairs, distance, poses, radius, first, count, shapes, sizes, local
     return near
 
 
-@kernel
+@subroutine
 def _placed(pose, local):
     """Return the centre of a piece and the rows of its rotation matrix, in the world."""
     a, b = matrix_rows(pose[3:]), matrix_rows(local[3:])
     return carried(pose, local), (_times(a[0], b), _times(a[1], b), _times(a[2], b))
 
 
-@kernel
+@subroutine
 def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@kernel
+@subroutine
 def _times(row, m):
     """Multiply a row by a matrix of rows."""
     return (row[0] * m[0][0] + row[1] * m[1][0] + row[2] * m[2][0],
@@ -109,14 +109,14 @@ def _times(row, m):
             row[0] * m[0][2] + row[1] * m[1][2] + row[2] * m[2][2])
 
 
-@kernel
+@subroutine
 def _half(shape, size, room):
     """Return the half extents of the bounding box of a piece, with a margin around it."""
     length = size[2] if shape == _BOX else max(size[0], size[2])
     return 0.5 * size[0] + room, 0.5 * size[1] + room, 0.5 * length + room
 
 
-@kernel
+@subroutine
 def _boxes_meet(arm, turn, half, other, other_half):
     """Return whether two boxes overlap, by the separating axis test over faces and edge pairs."""
     for a in range(15):

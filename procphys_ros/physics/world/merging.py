@@ -16,7 +16,7 @@
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.rotation_kernels import matrix, matrix_rows
 from procphys_ros.physics.world.assembly import aligned_extents, relative_rows
 
@@ -73,7 +73,7 @@ def _merge(poses, sizes, tolerance):
     return np.concatenate((merged, poses[others])), np.concatenate((extents, sizes[others]))
 
 
-@kernel
+@subroutine
 def _merge_along(bounds, axis):
     """Merge neighbours along one axis whose transverse faces are flush, (K, 2, 3) -> fewer."""
     lane = _lanes(bounds, axis)
@@ -99,7 +99,7 @@ def _merge_along(bounds, axis):
     return merged[:found].copy()
 
 
-@kernel
+@subroutine
 def _lanes(bounds, axis):
     """
     Label the lane of each box: boxes with the same four transverse faces, (K,).
@@ -115,7 +115,7 @@ def _lanes(bounds, axis):
     return lane
 
 
-@kernel
+@subroutine
 def _stack(bounds, tolerance):
     """
     Merge courses, sorted from below, that lie on each other with about the same outline.
@@ -153,7 +153,7 @@ def _stack(bounds, tolerance):
     return stacked[:stacks].copy()
 
 
-@kernel
+@subroutine
 def _close_joints(bounds):
     """
     Stretch boxes over the joints to their neighbours, (K, 2, 3), in place.
@@ -173,7 +173,7 @@ def _close_joints(bounds):
                 bounds[k, 1, axis] += reach[k]
 
 
-@kernel
+@subroutine
 def _face(box, other, axis):
     """Return whether the projections of two boxes along an axis overlap."""
     for across in range(3):
@@ -183,7 +183,7 @@ def _face(box, other, axis):
     return True
 
 
-@kernel
+@subroutine
 def _clusters(values, tolerance):
     """Label groups of values that lie within the tolerance of the least value of their group."""
     order = np.argsort(values)
@@ -244,13 +244,13 @@ def _corners_outside(poses, sizes, merged_poses, merged_sizes, found):
     return count
 
 
-@kernel
+@subroutine
 def _diagonal(size):
     """Return half of the diagonal of a box [m]."""
     return 0.5 * np.sqrt(size[0] ** 2 + size[1] ** 2 + size[2] ** 2)
 
 
-@kernel
+@subroutine
 def _is_inside(point, near, many, poses, sizes, axes):
     """Return whether a point is in one of the boxes; move that box to the front of the list."""
     for n in range(many):
