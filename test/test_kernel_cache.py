@@ -89,7 +89,7 @@ class Installation:
 
     def __init__(self, folder: Path, cache: Path):
         self._folder, self.cache = folder, cache
-        for part in ('__init__', 'progress', 'output_files', 'errors', 'compilation'):
+        for part in ('__init__', 'progress', 'files', 'errors', 'compilation'):
             source = ROOT / 'procphys_ros' / part
             if source.is_dir():
                 shutil.copytree(source, folder / 'procphys_ros' / part)

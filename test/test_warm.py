@@ -44,7 +44,7 @@ for run in SCENES.values():
     run()
 """
 SHIPPED = """
-from procphys_ros.resources import shared_folder
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 for name in ('demo', 'wrecking_ball', 'dry_stone', 'ivy_on_wall', 'palms_in_a_gust'):

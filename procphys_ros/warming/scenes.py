@@ -20,14 +20,13 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.blueprint import skeleton
-from procphys_ros.blueprint import Shape
+from procphys_ros.blueprint import Shape, skeleton
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees import equilibrium, integrator, layout, state
 from procphys_ros.physics.world import JointKind, World
 from procphys_ros.recording.marker_state import find_markers
-from procphys_ros.files.resources import shared_folder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
