@@ -198,10 +198,10 @@ def test_progress_is_told_scene_by_scene(jobs, monkeypatch, capsys):
                         dict.fromkeys(['one', 'two'], os.getpid))
     if jobs == 2:  # other processes know the real scenes only
         monkeypatch.setattr('procphys_ros.warming.scenes.SCENES',
-                            {'hang block': os.getpid})
+                            {'step trees': os.getpid})
     assert command.main(['--jobs', str(jobs)]) == 0
     said = capsys.readouterr().out.splitlines()
-    assert said[:-1] == (['1/2 one', '2/2 two'] if jobs == 1 else ['1/1 hang block'])
+    assert said[:-1] == (['1/2 one', '2/2 two'] if jobs == 1 else ['1/1 step trees'])
     assert marked == [1]
 
 

@@ -23,9 +23,17 @@ import numpy as np
 from procphys_ros.blueprint import Shape, skeleton
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
+from procphys_ros.physics import touch
 from procphys_ros.physics.masonry import strength
-from procphys_ros.physics.trees import equilibrium, integrator, layout, state
-from procphys_ros.physics.world import JointKind, World
+from procphys_ros.physics.trees import (
+    contact_response,
+    equilibrium,
+    integrator,
+    layout,
+    pose,
+    state,
+)
+from procphys_ros.physics.world import JointKind, merge_boxes, World
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
@@ -70,13 +78,40 @@ _HILL: dict[str, Any] = {
 
 def step_trees() -> None:
     """Compile the step of trees, which takes longest, by stepping none."""
-    plan = state.TraversalPlan(*(np.zeros(count, np.int64) for count in (0, 0, 1, 0)))
-    twig = skeleton.from_nodes(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([-1, 0]),
-                               np.array([0.1, 0.1]))
-    model, columns = state.make_model(layout.arrange(twig, 0.0)), state.make_state(1)
-    where = model, columns, state.make_scratch(plan), np.zeros((1, 3)), np.zeros(3)
+    plan, *where = _tree(0)
     integrator.step(plan, *where, 1.0 / 60.0)
     equilibrium.lean(plan, np.zeros(0, np.int64), *where, 1e-6)
+
+
+def pile_up() -> None:
+    """Drop a capsule on a box that hangs by a joint."""
+    world = World(engine='native')
+    place = np.array([0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0])
+    body = np.array([world.add_body(Shape.BOX, np.full(3, 0.2), 1.0, place)])
+    world.add_body(Shape.CAPSULE, np.array([0.1, 0.1, 0.3]), 1.0, place + np.eye(7)[2] * 0.15)
+    world.join(JointKind.BALL, body, np.array([World.ground]), place)
+    world.step(1.0 / 60.0)
+
+
+def touch_trees() -> None:
+    """Compile contacts of trees: how a twig responds to an impulse, and with what none touches."""
+    rows, points = np.zeros(1, np.intp), np.zeros((1, 3))
+    plan, model, columns, scratch, wind, gravity = _tree(1)
+    contact_response.predict_response(plan, rows, points, points, model, columns, [scratch], wind,
+                                      gravity, 1.0 / 60.0, 1)
+    none, numbers, matrices = rows[:0], np.zeros(0), np.zeros((0, 3, 3))
+    poses, sizes, velocities = np.zeros((0, 7)), np.zeros((0, 3)), np.zeros((0, 6))
+    touch.meet(none, poses, sizes, velocities, none, np.zeros(0, np.uint8), poses, sizes,
+               velocities, 1.0 / 60.0)
+    touch.resolve(sizes, numbers, numbers, numbers, touch.Partners(
+        none, none, none, sizes, numbers, matrices, velocities), sizes, none, none, none,
+        matrices, sizes)
+
+
+def merge_bricks() -> None:
+    """Merge two bricks, and look for boxes that overlap."""
+    merge_boxes(np.eye(7)[[6, 6]], np.ones((2, 3)))
+    touch.overlaps(np.zeros((1, 6)), np.zeros((1, 6)))
 
 
 def sway() -> None:
@@ -133,22 +168,15 @@ def demolish_on_hill() -> None:
     _publish(simulation)
 
 
-def strike_twice() -> None:
-    """Knock bricks out of a wall with the native engine, and hit them again where they lie."""
-    simulation = Simulation(Scene.from_parameters({**_WALL, 'engine': 'native'}))
-    for height in (1.0, 0.4):
-        simulation.launch(Projectile('sphere', (0.4,), 60.0, (1.0, -2.0, height),
-                                     (0.0, 10.0, 0.0)))
-        simulation.step(100)
-
-
-def hang_block() -> None:
-    """Hang a block by a joint."""
-    world = World(engine='native')
-    place = np.array([0.0, 0.0, 5.0, 0.0, 0.0, 0.0, 1.0])
-    body = np.array([world.add_body(Shape.BOX, np.full(3, 0.2), 1.0, place)])
-    world.join(JointKind.BALL, body, np.array([World.ground]), place)
-    world.step(1.0 / 60.0)
+def _tree(count: int) -> tuple:
+    """Return a plan with that many twigs, 0 or 1, and what kernels of trees take besides."""
+    rows = np.zeros(count, np.int64)
+    plan = state.TraversalPlan(rows, rows - 1, np.arange(count + 1), rows)
+    twig = skeleton.from_nodes(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([-1, 0]),
+                               np.array([0.1, 0.1]))
+    model, columns = state.make_model(layout.arrange(twig, 0.0)), state.make_state(1)
+    pose.place_all(plan, model, columns)
+    return plan, model, columns, state.make_scratch(plan), np.zeros((1, 3)), np.zeros(3)
 
 
 def _publish(simulation: Simulation) -> None:
@@ -210,6 +238,6 @@ def _shipped(name: str) -> Simulation:
 
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
-    for scene in (step_trees, sway, break_trees, crack_wall, wreck_cottage, demolish_on_hill,
-                  strike_twice, hang_block)}
+    for scene in (step_trees, pile_up, sway, crack_wall, touch_trees, merge_bricks, break_trees,
+                  wreck_cottage, demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""
