@@ -361,7 +361,7 @@ def test_another_numba_compiles_at_every_start(fresh):
                 'b.FunctionIdentity._unique_ids = itertools.count(1)')
     result, compiled, errors = fresh.run(before=f'{other}\n'
                                          'from procphys_ros.compilation import decorator\n'
-                                         f'decorator._cache_class()\n{restored}')
+                                         f'decorator._cache_module()\n{restored}')
     assert (result, compiled, errors.count('has another cache')) == (22.0, 2, 1)
     assert compiled_files(fresh.cache) == []
 

@@ -25,6 +25,8 @@ from typing import Any
 
 from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.compiler import Compiler
+from numba.core.targetconfig import ConfigStack
 from numba.core.types.containers import BaseNamedTuple, BaseTuple
 
 from procphys_ros.compilation.folder import kernel_folder, prepare, warn_once
@@ -49,6 +51,16 @@ def number_functions() -> None:
 
 number_functions()
 os.register_at_fork(after_in_child=number_functions)
+
+
+class KernelCompiler(Compiler):
+    """numba's compiler, which compiles what numba brings once for kernels and for subroutines."""
+
+    def define_pipelines(self) -> list:
+        """Set options that callees do not heed, but are told apart by."""
+        options = ConfigStack().top()  # a copy of this function's
+        options.no_cpython_wrapper, options.release_gil = True, False
+        return super().define_pipelines()
 
 
 class _Locator:

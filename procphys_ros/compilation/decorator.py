@@ -77,14 +77,15 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
     `threads`: code from a file would find numba's own not started. Folders of kernels are
     named by this package's sources only, so functions of others are not kept.
     """
+    ours = _cache_module()
+    if ours is not None:
+        options['pipeline_class'] = ours.KernelCompiler
     compiled = njit(no_cfunc_wrapper=True, parallel=False, **options)(function)
-    if function.__module__.startswith('procphys_ros.') and not config.DISABLE_JIT:
-        attach = _cache_class()
-        if attach is not None:
-            compiled._cache = attach(function)
     if not config.DISABLE_JIT:
+        if ours is not None and function.__module__.startswith('procphys_ros.'):
+            compiled._cache = ours.KernelCache(function)
+        # Without the values of constants, with each of which numba would compile it once more.
         template = compiled.get_call_template
-        # Else numba compiles once per constant that a kernel passes.
         compiled.get_call_template = lambda args, kws: template(
             tuple(map(types.unliteral, args)), {k: types.unliteral(v) for k, v in kws.items()})
     known[f'{function.__module__}.{function.__qualname__}'] = compiled
@@ -92,11 +93,11 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
 
 
 @cache
-def _cache_class() -> Callable | None:
+def _cache_module() -> Any:
     """Import the cache, which takes from numba what that does not promise; None = it is gone."""
     try:
-        from procphys_ros.compilation.cache import KernelCache
+        from procphys_ros.compilation import cache
     except (ImportError, AttributeError) as error:
         warn_once(f'numba {numba.__version__} has another cache ({error})')
         return None
-    return KernelCache
+    return cache

@@ -186,7 +186,7 @@ def _face(box, other, axis):
 @subroutine
 def _clusters(values, tolerance):
     """Label groups of values that lie within the tolerance of the least value of their group."""
-    order = np.argsort(values)
+    order = np.argsort(values, kind='mergesort')  # as in `_merge_along`
     label = np.empty(len(values), np.int64)
     current, least = -1, -np.inf
     for i in order:
