@@ -20,11 +20,11 @@ from typing import Any
 
 import numpy as np
 
-from procphys_ros.blueprint import Shape, skeleton
+from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
 from procphys_ros.physics import touch
-from procphys_ros.physics.masonry import strength
+from procphys_ros.physics.masonry import FreeBodies, strength
 from procphys_ros.physics.trees import (
     contact_response,
     equilibrium,
@@ -108,10 +108,14 @@ def touch_trees() -> None:
         matrices, sizes)
 
 
+def strike_twig() -> None:
+    """Strike a piece in flight, the only part of it."""
+    FreeBodies(_twig()).strike(np.zeros(1, np.intp), np.zeros((1, 6)), 1)
+
+
 def merge_bricks() -> None:
-    """Merge two bricks, and look for boxes that overlap."""
+    """Merge two bricks."""
     merge_boxes(np.eye(7)[[6, 6]], np.ones((2, 3)))
-    touch.overlaps(np.zeros((1, 6)), np.zeros((1, 6)))
 
 
 def sway() -> None:
@@ -172,11 +176,14 @@ def _tree(count: int) -> tuple:
     """Return a plan with that many twigs, 0 or 1, and what kernels of trees take besides."""
     rows = np.zeros(count, np.int64)
     plan = state.TraversalPlan(rows, rows - 1, np.arange(count + 1), rows)
-    twig = skeleton.from_nodes(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([-1, 0]),
-                               np.array([0.1, 0.1]))
-    model, columns = state.make_model(layout.arrange(twig, 0.0)), state.make_state(1)
+    model, columns = state.make_model(layout.arrange(_twig(), 0.0)), state.make_state(1)
     pose.place_all(plan, model, columns)
     return plan, model, columns, state.make_scratch(plan), np.zeros((1, 3)), np.zeros(3)
+
+
+def _twig() -> Blueprint:
+    return skeleton.from_nodes(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]), np.array([-1, 0]),
+                               np.array([0.1, 0.1]))
 
 
 def _publish(simulation: Simulation) -> None:
@@ -238,6 +245,6 @@ def _shipped(name: str) -> Simulation:
 
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
-    for scene in (step_trees, pile_up, sway, crack_wall, touch_trees, merge_bricks, break_trees,
-                  wreck_cottage, demolish_on_hill)}
+    for scene in (step_trees, pile_up, sway, touch_trees, strike_twig, crack_wall, merge_bricks,
+                  break_trees, wreck_cottage, demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""
