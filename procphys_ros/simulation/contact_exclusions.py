@@ -27,7 +27,7 @@ parts, since engines exclude whole bodies, and a pair is kept as long as any of 
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.touch import capsule_bounds, meet, overlaps, piece_bounds
 from procphys_ros.physics.trees.state import SegmentJoint
 from procphys_ros.simulation.model import Model
@@ -135,7 +135,7 @@ def _passed_near(branch, parents, active, joint, poses, velocities, sizes):
     return others, bounds, capsule_bounds(others, poses, sizes, velocities, 0.0, 0.0)
 
 
-@kernel
+@subroutine
 def _root(row, parents):
     """Return the first row of the tree of a row."""
     while parents[row] >= 0:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.touch import capsule_bounds, meet, meet_ground, overlaps
@@ -327,7 +327,7 @@ def _which_meet(row, piece, other_row, other_body, root, joint, parts, excluded,
     return kept[:count]
 
 
-@kernel
+@subroutine
 def _pair_key(first, second):
     one = 2 * first if first >= 0 else -2 * first - 1
     other = 2 * second if second >= 0 else -2 * second - 1

@@ -139,7 +139,7 @@ def _spread(points, normals, forces, other, poses, sizes, rest):
     return out
 
 
-@kernel
+@subroutine
 def _near(low, high, poses, radius):
     """List the parts with a bounding sphere near the points of contact."""
     found = np.empty(len(poses), np.int64)
@@ -154,7 +154,7 @@ def _near(low, high, poses, radius):
     return found[:count]
 
 
-@kernel
+@subroutine
 def _nearest(point, poses, radius):
     best, least = 0, np.inf
     for p in range(len(poses)):
@@ -195,7 +195,7 @@ def _against_plane(near, middle, normal, poses, sizes):
     return axes, spot, gap, aside
 
 
-@kernel
+@subroutine
 def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
     """Distribute one force over the parts near a plane."""
     count = len(near)
@@ -224,7 +224,7 @@ def _press(near, middle, normal, force, low, high, poses, sizes, rest, out):
         out[p, 5] += arm[0] * push[1] - arm[1] * push[0]
 
 
-@kernel
+@subroutine
 def _footing(middle, normal, spot, chosen):
     """Return the shares of a force on the supports of a stiff footing; their sum is one."""
     count = chosen.sum()

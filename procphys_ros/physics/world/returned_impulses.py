@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.rotation_kernels import matrix
 from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.rigid.islands import Islands
@@ -202,7 +202,7 @@ def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses
     return out
 
 
-@kernel
+@subroutine
 def _change(impulse, mass, inertia, pose):
     """Return the change of velocity by an impulse and its moment, (6,)."""
     axes = matrix(pose[3:])
