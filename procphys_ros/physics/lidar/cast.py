@@ -173,14 +173,14 @@ def _through_box(origin, ray, half):
     return enter, leave
 
 
-@kernel
+@subroutine
 def _to_box(origin, ray, half):
     """Return the range to a box about the origin of its axes, inf = a miss."""
     enter, leave = _through_box(origin, ray, half)
     return enter if enter <= leave and enter > 0.0 else np.inf
 
 
-@kernel
+@subroutine
 def _find_planes(corners, half, planes):
     """
     Write the planes of the faces of a hexahedron: unit normals outwards, and heights along them.
@@ -211,7 +211,7 @@ def _find_planes(corners, half, planes):
             planes[f, 3] = max(planes[f, 3], _dot(planes[f], here) + beyond)
 
 
-@kernel
+@subroutine
 def _to_hexahedron(origin, ray, half, planes):
     """Return the range to a hexahedron within a box about the origin of its axes, inf = a miss."""
     enter, leave = _through_box(origin, ray, half)
