@@ -27,7 +27,9 @@ from numba.core.bytecode import FunctionIdentity
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.compiler import Compiler
 from numba.core.targetconfig import ConfigStack
+from numba.core.types import Dispatcher
 from numba.core.types.containers import BaseNamedTuple, BaseTuple
+from numba.core.typing.templates import infer_global
 
 from procphys_ros.compilation.folder import kernel_folder, prepare, warn_once
 from procphys_ros.compilation.progress import COMPILING
@@ -61,6 +63,11 @@ class KernelCompiler(Compiler):
         options = ConfigStack().top()  # a copy of this function's
         options.no_cpython_wrapper, options.release_gil = True, False
         return super().define_pipelines()
+
+
+def let_kernels_call(function: Callable, compiled: Any) -> None:
+    """Let kernels call what a function was compiled to where they name the function itself."""
+    infer_global(function, Dispatcher(compiled))
 
 
 class _Locator:

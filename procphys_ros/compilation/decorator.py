@@ -21,7 +21,7 @@ from typing import Any
 
 import numba
 from numba import config, njit, types
-from numba.core.typing.templates import infer_global
+from numba.extending import register_jitable
 
 from procphys_ros.compilation.folder import warn_once
 
@@ -62,10 +62,13 @@ def inlined(function: Callable) -> Callable:
 
     :param function: divides by nothing that may be zero.
     """
+    ours = _cache_module()
+    if ours is None:
+        return register_jitable(function)
     if not config.DISABLE_JIT:
         compiled = _compiled(_INLINED, function, no_cpython_wrapper=True,
                              error_model='numpy', _nrt=False)
-        infer_global(function, types.Dispatcher(compiled))
+        ours.let_kernels_call(function, compiled)
     return function
 
 
@@ -80,6 +83,7 @@ def _compiled(known: dict[str, Any], function: Callable, **options: Any) -> Any:
     ours = _cache_module()
     if ours is not None:
         options['pipeline_class'] = ours.KernelCompiler
+    options.setdefault('error_model', 'python')  # else that of whichever caller comes first
     compiled = njit(no_cfunc_wrapper=True, parallel=False, **options)(function)
     if not config.DISABLE_JIT:
         if ours is not None and function.__module__.startswith('procphys_ros.'):
