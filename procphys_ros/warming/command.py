@@ -21,10 +21,11 @@ Compile all kernels, so that no simulation has to wait for them.
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
 import os
 import signal
 import sys
+from threading import Thread
 from time import monotonic
 
 from procphys_ros.compilation.folder import is_complete, mark_complete
@@ -97,7 +98,7 @@ def _at_once(jobs: int) -> Iterator[str]:
     if jobs <= 1:
         yield from map(_run, _scenes())
         return
-    with ProcessPoolExecutor(jobs, get_context('spawn')) as pool:
+    with ProcessPoolExecutor(jobs, get_context('spawn'), _end_with_parent) as pool:
         # Workers take over what is blocked: Ctrl-C in a terminal is for this process alone.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         futures = [pool.submit(_run, name) for name in _scenes()]
@@ -110,6 +111,17 @@ def _at_once(jobs: int) -> Iterator[str]:
             for worker in active_children():
                 worker.terminate()
             raise
+
+
+def _end_with_parent() -> None:
+    """Let a worker end when the process that has started it is killed."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+    Thread(target=watch, daemon=True).start()
 
 
 def _run(name: str) -> str:
