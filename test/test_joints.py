@@ -240,6 +240,19 @@ def test_a_motor_stalls_at_a_limit():
     assert told[-1] == pytest.approx(0.3, abs=1e-4)
 
 
+@pytest.mark.parametrize('kind', [JointKind.SLIDER, JointKind.HINGE])
+@pytest.mark.parametrize('blow', [10.0, -10.0])
+def test_equal_limits_lock_a_joint_both_ways(kind, blow):
+    """Strike a joint that may not move at all to either side; its bearing takes the blow."""
+    world = World(engine='native', gravity=(0.0, 0.0, 0.0))
+    body = bar(world, [0.5, 0.0, 5.0])
+    frame = pose([0.0, 0.0, 5.0], UPRIGHT if kind == JointKind.SLIDER else ALONG_Y)
+    world.join(kind, body, 0, frame, JointOptions(low=0.0, high=0.0))
+    world.apply_impulse(body, np.array([blow, 0.0, blow]))
+    moved = run(world, 0.1, 1.0 / 60.0, lambda: world.bodies.poses[body])
+    np.testing.assert_allclose(moved[:, :3], [[0.5, 0.0, 5.0]] * 6, atol=1e-12)
+
+
 @pytest.mark.parametrize('time_step', STEPS)
 def test_a_ball_joint_lets_a_pendulum_go_round_a_cone(time_step):
     """Throw a small heavy ball aside; it stays at its height."""
@@ -436,6 +449,23 @@ def test_what_is_driven_takes_along_what_hangs_by_it():
         assert gaps(world).max() < 2e-3
     away = rotation.relative(world.bodies.poses[driven], world.bodies.poses[fast])
     np.testing.assert_allclose(away, pose([0.6, 0.0, 0.0]), atol=2e-3)
+
+
+def test_a_slack_rope_wakes_its_load_before_it_is_taut():
+    """Let a block sleep under a driven body, and raise that beyond the length of the rope."""
+    world = World(engine='native')
+    block = bar(world, [0.0, 0.0, 0.1], [0.2] * 3)
+    driven = world.add_driven(single(Shape.BOX, np.full(3, 0.2)), pose([0.0, 0.0, 1.0]))
+    world.join(JointKind.ROPE, block, driven, pose([0.0, 0.0, 0.2]), JointOptions(high=1.0),
+               pose([0.0, 0.0, 0.9]))
+    run(world, 0.75, 1.0 / 60.0, lambda: 0)
+    assert world.bodies.state[block] == BodyState.RESTING
+    for k in range(1, 61):
+        world.drive(driven, pose([0.0, 0.0, 1.0 + k / 60.0]))
+        world.step(1.0 / 60.0)
+    assert world.bodies.poses[block, 2] == pytest.approx(0.8, abs=1e-3)
+    run(world, 0.75, 1.0 / 60.0, lambda: 0)
+    assert world.bodies.state[block] == BodyState.RESTING  # what stands still leads nothing
 
 
 def test_joined_bodies_sleep_and_wake_together():

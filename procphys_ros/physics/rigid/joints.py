@@ -424,7 +424,7 @@ def _bound(r, way, low, high, lines):
     lines[r, _GAP] = way - low if lower else way - high
     lines[r, _LOW], lines[r, _HIGH] = (0.0, math.inf) if lower else (-math.inf, 0.0)
     if low == high:
-        lines[r, _LOW] = -math.inf
+        lines[r, _LOW], lines[r, _HIGH] = -math.inf, math.inf
     if math.isinf(lines[r, _GAP]):
         lines[r, _HIGH] = lines[r, _LOW] = 0.0
 
@@ -453,7 +453,7 @@ def begin(own, joints, system, h, state):
         for r in range(system.begin[t], system.begin[t + 1]):
             part, k = system.part[r], r - system.begin[t]
             lines[r, _IMPULSE] = lines[r, _SOFT] = lines[r, _AIM] = 0.0
-            system.takes_part[r] = part != _LIMIT
+            system.takes_part[r] = part != _LIMIT or joints.low[t] == joints.high[t]
             if part == _SPRING:
                 _relax(r, joints.way[t] - joints.rest[t], joints.stiffness[t], joints.damping[t],
                        h, system)

@@ -162,6 +162,16 @@ class JointTable:
         return np.flatnonzero(there & (np.isin(self.rows.first, bodies)
                                        | np.isin(self.rows.second, bodies)))
 
+    def led(self, bodies: BodyTable) -> np.ndarray:
+        """List the sleeping bodies with joints to kinematic ones that are about to move, (M,)."""
+        ids = self.holding
+        ends = np.concatenate([self.rows.first[ids], self.rows.second[ids]])
+        others = np.roll(ends, len(ids))
+        ends, others = (column[(bodies.state[ends] == BodyState.RESTING)
+                               & (bodies.state[others] == BodyState.KINEMATIC)]
+                        for column in (ends, others))
+        return ends[(bodies.poses[others] != bodies.target[others]).any(axis=1)]
+
     def set_out(self) -> None:
         """Clear the forces of the last step."""
         if len(self):

@@ -371,6 +371,7 @@ class World:
         self._table = self._table[:0]
         if (bodies.state >= BodyState.AWAKE).any():
             self.thaw(sleeping.struck(bodies, self._asleep, time_step))
+            self.thaw(self._joints.led(bodies))
             self._queue.advance(self.awake, time_step)
         self._places = bodies.copied('poses', self._places)
         if not (bodies.state >= BodyState.AWAKE).any():
