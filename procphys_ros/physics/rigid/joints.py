@@ -75,6 +75,7 @@ _LINE = 28
 _WAY, _ARM, _OTHER_ARM, _AXES, _OTHER_AXES, _PLACE = 0, 3, 6, 9, 18, 27
 
 _CALM = 1e-4  # [m/s, rad/s] change of speed by a pass at which passes end
+_SPAN = 1.0 / 240.0  # [s] longest time of the mean forces that break joints
 _RIDGE = 1e-9  # relative regularisation of the diagonal, for redundant rows
 
 
@@ -91,7 +92,7 @@ class JointRows(NamedTuple):
     :ivar rest: displacement at which the spring is slack, (J,).
     :ivar speed: of its motor [m/s, rad/s], (J,).
     :ivar drive: greatest force or moment of the motor [N, N·m], (J,).
-    :ivar strength: greatest mean force [N] and moment [N·m] of a step, (J, 2).
+    :ivar strength: greatest mean force [N] and moment [N·m] over `_SPAN`, (J, 2).
     :ivar collides: whether the two bodies collide, (J,) bool.
     :ivar broken: (J,) bool.
     :ivar way: displacement of the first body against the second, full turns counted, (J,).
@@ -152,6 +153,7 @@ class System(NamedTuple):
     :ivar factor: L of its L·D·Lᵀ, (E,); `inverse`, of D, (R,).
     :ivar places: (J, `_PLACE`); `ahead`, likewise at the end of the substep.
     :ivar sums: linear and angular impulse over the step, (J, 6).
+    :ivar lately: likewise, over the span of substeps in which strengths are judged, (J, 6).
     """
 
     begin: np.ndarray
@@ -167,6 +169,7 @@ class System(NamedTuple):
     places: np.ndarray
     ahead: np.ndarray
     sums: np.ndarray
+    lately: np.ndarray
 
 
 @kernel
@@ -258,7 +261,8 @@ def lay_out(joints, count):
     size, number = offset[-1], len(joints.kind)
     return System(begin, ends, part, np.zeros((rows, _LINE)), np.zeros(rows, np.bool_), left,
                   offset, np.zeros(size), np.zeros(size), np.zeros(rows),
-                  np.zeros((number, _PLACE)), np.zeros((number, _PLACE)), np.zeros((number, 6)))
+                  np.zeros((number, _PLACE)), np.zeros((number, _PLACE)), np.zeros((number, 6)),
+                  np.zeros((number, 6)))
 
 
 @subroutine(**LEAN)
@@ -445,6 +449,23 @@ def _coupling(r, c, system):
 
 
 @subroutine(**LEAN)
+def span(own, substep, substeps, time_step, system):
+    """
+    Return the time over which forces are judged in a substep [s]; begin its sums with its first.
+
+    It does not depend on the step, nor on how often contacts are looked for in it.
+    """
+    spans = max(int(math.ceil(time_step / _SPAN - 1e-6)), 1)
+    now = substep * spans // substeps
+    start, end = -(-now * substeps // spans), -(-(now + 1) * substeps // spans)
+    if substep == start:
+        for t in own:
+            for w in range(6):
+                system.lately[t, w] = 0.0
+    return (end - start) * time_step / substeps
+
+
+@subroutine(**LEAN)
 def begin(own, joints, system, h, state):
     """Begin a substep: set bias velocities and impulse bounds of the rows of joints."""
     lines = system.lines
@@ -538,11 +559,12 @@ def _push(r, impulse, system, state):
 
 
 @subroutine(**LEAN)
-def solve(own, joints, system, state, h, time_step, rate, first):
+def solve(own, joints, system, state, h, duration, rate, first):
     """
     Solve the joints of an island; return whether any speed has changed noticeably.
 
     :param own: joints.
+    :param duration: see `span` [s].
     :param rate: correction rate of errors [1/s]; 0 = relaxation after bodies have moved.
     :param first: whether bodies have moved since the last solve.
     """
@@ -560,7 +582,7 @@ def solve(own, joints, system, state, h, time_step, rate, first):
         stale = _keep_bounds(left, right, system, state)
         if not stale:
             for t in own:
-                stale = _tear(t, joints, system, time_step, state) or stale
+                stale = _tear(t, joints, system, duration, state) or stale
         changed = changed or stale
         if not stale:
             break
@@ -649,14 +671,14 @@ def _keep_bounds(left, right, system, state):
 
 
 @subroutine(**LEAN)
-def _tear(t, joints, system, time_step, state):
-    """Break a joint beyond its strength; its impulse of the step is limited to the strength."""
+def _tear(t, joints, system, duration, state):
+    """Break a joint beyond its strength; its impulse of the span is limited to the strength."""
     if joints.broken[t]:
         return False
     lines, kept = system.lines, 1.0
     for k, now in enumerate(_impulses(t, system)):
-        before = three(system.sums, t, 3 * k)
-        most = joints.strength[t, k] * time_step
+        before = three(system.lately, t, 3 * k)
+        most = joints.strength[t, k] * duration
         if length(plus(before, 1.0, now)) > most:
             kept = min(kept, max(most - length(before), 0.0) / length(now))
     if kept == 1.0:
@@ -685,13 +707,14 @@ def _impulses(t, system):
 
 @subroutine(**LEAN)
 def add_up(own, joints, system, h):
-    """Add the impulses of a substep to the sums of the step."""
+    """Add the impulses of a substep to the sums of step and span."""
     for t in own:
         for r in range(system.begin[t], system.begin[t + 1]):
             system.lines[r, _CHANGE] = 0.0
         pushed, turned = _impulses(t, system)
-        put(system.sums, t, 0, plus(three(system.sums, t, 0), 1.0, pushed))
-        put(system.sums, t, 3, plus(three(system.sums, t, 3), 1.0, turned))
+        for sums in (system.sums, system.lately):
+            put(sums, t, 0, plus(three(sums, t, 0), 1.0, pushed))
+            put(sums, t, 3, plus(three(sums, t, 3), 1.0, turned))
         for side in range(2):
             arm = three(system.places, t, _ARM + 3 * side)
             joints.strain[t, side] = h * length(pushed) * length(arm)

@@ -281,7 +281,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
     fall = h * length((gravity[0], gravity[1], gravity[2]))
-    bounces, driven = False, hangs
+    bounces, driven, span = False, hangs, h
     for r in contacts:
         for side in range(2):
             i = ends[r, side]
@@ -297,8 +297,9 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows, fall)
         if hangs:
+            span = jointed.span(held, substep, substeps, time_step, system)
             jointed.begin(held, joints, system, h, state)
-        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+        _passes(passes, contacts, ends, state, rows, held, joints, system, span,
                 (h, fall, _RECOVERY), False)
         for i in own:
             _advance(i, bodies, gravity, h, begin == end and not hangs, state)
@@ -306,10 +307,10 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         _aim_anew(own, contacts, fine or hangs, bodies, ends, radius, order, h, state, rows)
         if hangs:
             jointed.aim(held, joints, system, bodies, free, (substep + 1) * h, state)
-        _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+        _passes(passes, contacts, ends, state, rows, held, joints, system, span,
                 (h, 0.0, 0.0), True)
         if bounces and _strikes(contacts, rows, elastic):
-            _passes(passes, contacts, ends, state, rows, held, joints, system, time_step,
+            _passes(passes, contacts, ends, state, rows, held, joints, system, span,
                     (h, 0.0, 0.0), False)
         _add_up(contacts, rows, spots)
         if hangs:
@@ -611,7 +612,7 @@ def _strikes(contacts, rows, elastic):
 
 
 @subroutine(**LEAN)
-def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, pace, moved):
+def _passes(most, contacts, ends, state, rows, held, joints, system, span, pace, moved):
     """
     Solve an island in passes until velocities converge, or the limit is reached.
 
@@ -624,7 +625,7 @@ def _passes(most, contacts, ends, state, rows, held, joints, system, time_step, 
         turn = contacts
         if not moved and k % 2 == 1:
             turn = range(contacts.stop - 1, contacts.start - 1, -1)
-        pulls = len(held) > 0 and jointed.solve(held, joints, system, state, h, time_step,
+        pulls = len(held) > 0 and jointed.solve(held, joints, system, state, h, span,
                                                 rate, k == 0)
         if not _pass(turn, ends, state, rows, pace, moved and k == 0) and not pulls:
             break
