@@ -24,6 +24,7 @@ from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.touch import overlap_ball, overlap_box
+from procphys_ros.physics.world import BodyState
 from procphys_ros.physics.world.kinematic import PoseInterpolator
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
@@ -32,9 +33,10 @@ _DT = 1.0 / 60.0
 _TURN = [0.0, 0.0, 0.0, 1.0]
 
 
-def scene_of(blueprint: Blueprint, gravity: float = 9.81, **intruder: object) -> Simulation:
+def scene_of(blueprint: Blueprint, engine: str = 'auto', gravity: float = 9.81,
+             **intruder: object) -> Simulation:
     """Simulate a blueprint and an intruder of a shape and size."""
-    scene = Scene.from_parameters({'scene': {'objects': []}, 'gravity': gravity,
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'gravity': gravity, 'engine': engine,
                                    'intruder': intruder})
     scene.add(blueprint, (0.0, 0.0, 0.0), 0.0, 'thing')
     return Simulation(scene)
@@ -115,6 +117,23 @@ def test_it_pushes_loose_blocks_along():
     friction, weight = 0.7, 20.0 * 9.81
     least, most = friction * weight, friction * weight / (1.0 - friction ** 2)
     assert 0.95 * least < -np.mean(forces[-60:]) < 1.05 * most
+
+
+@pytest.mark.parametrize('engine', ['native', 'bullet'])
+def test_it_bears_what_sleeps_on_it(engine):
+    """Carry a block until it has long been asleep: its weight and its moment are felt all along."""
+    simulation = scene_of(mast(), engine, shape='box', size=[1.0, 1.0, 0.2])
+    simulation.place_intruder([9.0, 0.0, 1.0, *_TURN])
+    simulation.step()
+    world, weight = simulation.state.world, 20.0 * 9.81
+    body = world.add_body(Shape.BOX, np.full(3, 0.4), 20.0, np.array([9.1, 0.0, 1.3, *_TURN]))
+    simulation.step(20)
+    felt = []
+    for _ in range(60):
+        simulation.step()
+        felt.append(simulation.intruder_wrench)
+    assert world.bodies.state[body] == BodyState.RESTING
+    np.testing.assert_allclose(felt, [[0.0, 0.0, -weight, 0.0, 0.1 * weight, 0.0]] * 60, atol=1.0)
 
 
 def test_a_slow_push_loads_a_wall_and_a_drive_breaks_it():

@@ -112,7 +112,8 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
         table = world.bodies
         away = norm(table.poses[:, :3] - own.path.pose[:3], axis=1)
         near = away < table.radius + table.radius[own.body] + 0.1
-        if (near & (table.state == BodyState.AWAKE)).any():
+        loose = (table.state == BodyState.AWAKE) | (table.state == BodyState.RESTING)
+        if (near & loose).any():
             own.wrench += world.wrench(own.body)
         mine = state.contacts.body == own.body
         force = -state.contacts.impulse[mine] / dt

@@ -60,7 +60,8 @@ class World:
         self._engine = make_engine(engine, self._gravity, terrain)
         self._bodies, self._joints = BodyTable(), JointTable()
         self._queue = admission.Queue(self._engine, self._bodies)
-        self._table = self._asleep = np.zeros((0, 13))  # rows of `Engine.contacts`
+        # Rows of `Engine.contacts`; `_slept` are those of bodies that slept through the last step.
+        self._table = self._asleep = self._slept = np.zeros((0, 13))
         self._places, self._excluded = np.zeros((0, 3)), np.zeros((0, 2), np.intp)
         self._time_step = 1.0 / 60.0
         self._engine.add(self._bodies, self._bodies.add_ground(friction))
@@ -352,12 +353,15 @@ class World:
         Compute the mean force and moment of contacts on a body in the last step.
 
         The engine finds contacts before it moves bodies, so lever arms are those of that time.
+        Sleeping bodies press as they did when they fell asleep.
 
         :returns: force [N], moment about its centre of mass [N·m], world axes, (6,).
         """
         if body >= len(self._places):  # added since
             return np.zeros(6)
-        return total_impulse(body, self._places[body], self.contacts()) / self._time_step
+        slept = self._slept[self._slept[:, 5:8].any(axis=1)]  # joints have no normal
+        table = Contacts.of(np.concatenate([self._table, slept]), 1.0)
+        return total_impulse(body, self._places[body], table)
 
     def step(self, time_step: float, threads: int = 1, looked: Looked | None = None) -> None:
         """
@@ -373,7 +377,7 @@ class World:
             self.thaw(sleeping.struck(bodies, self._asleep, time_step))
             self.thaw(self._joints.led(bodies))
             self._queue.advance(self.awake, time_step)
-        self._places = bodies.copied('poses', self._places)
+        self._places, self._slept = bodies.copied('poses', self._places), self._asleep
         if not (bodies.state >= BodyState.AWAKE).any():
             return
         kinematic.set_out(bodies, time_step)
@@ -433,6 +437,7 @@ class World:
         if 'joints.kind' in arrays:
             world._joints = JointTable.restore(_group(arrays, 'joints.'))
         world._table, world._asleep = arrays['contacts'].copy(), arrays['asleep'].copy()
+        world._slept = world._asleep
         world._places, world._excluded = arrays['places'].copy(), arrays['excluded'].copy()
         world._time_step = float(arrays['time_step'])
         world._build(_group(arrays, 'engine.'))
