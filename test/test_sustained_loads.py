@@ -21,7 +21,9 @@ import pytest
 
 from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.scene import Scene, Settings
+from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Cause, impacts, Simulation
+from procphys_ros.simulation.wall_loads import DEBRIS_LAYER
 
 _LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
 _STONE = 0.5  # [m], as wide as its middle block
@@ -110,3 +112,22 @@ def test_lumps_break_whatever_room_there_is():
     assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
     assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2
     assert impacts._cells(blows[2:], 60, 10.0)[0] > 10
+
+
+@pytest.mark.parametrize('engine', ['native', 'bullet'])
+def test_what_falls_asleep_on_masonry_presses_no_more_than_before(engine):
+    """Set a block down on a pier, which bears its weight from then on, as long as it sleeps."""
+    scene = Scene(settings=Settings(engine=engine))
+    scene.add(bonded([[0.0, 0.0, 0.2]], (_STONE, 0.4, 0.4), tension=1e6))
+    simulation = Simulation(scene)
+    simulation.launch(Projectile('box', (0.3, 0.3, 0.3), 50.0, (0.0, 0.0, 0.59),
+                                 (0.0, 0.0, 0.0)))
+    simulation.step(30)
+    borne = []
+    for _ in range(40):
+        simulation.step()
+        _, loads = simulation.state.loads.layer(DEBRIS_LAYER)
+        borne.append(loads[:, 2].sum())
+    assert not len(simulation.state.world.awake)
+    weight = 50.0 * 9.81
+    np.testing.assert_allclose(borne, -weight, rtol=0.05)

@@ -198,7 +198,7 @@ def _grow_columns(model: Model, state: State) -> None:
     blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
     blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
         blasts.pulse, parts, np.inf)
-    rubble.moving = _padded(rubble.moving, parts)
+    rubble.load = _padded(rubble.load, parts)
     load = np.zeros(len(model.glass.parts))
     load[:len(state.glass.load)] = state.glass.load
     state.glass.load = load

@@ -199,20 +199,18 @@ class RubbleState:
 
     :ivar velocities, poses: of all bodies just before that step, by id, (B, 6), (B, 7).
     :ivar waiting: blows to pieces that are judged in the next step.
-    :ivar moving: smoothed wrench of moving bodies on standing parts [N], [N·m], (N, 6).
+    :ivar load: smoothed wrench of loose bodies on standing parts [N], [N·m], (N, 6).
     :ivar borne: by body, its parts and samples of the contact forces on it.
     :ivar since, unsampled: time since the loads were last compared, and since the last sample [s].
-    :ivar touches: the last step with a test for contact of bodies with masonry, and its result.
     """
 
-    moving: np.ndarray
+    load: np.ndarray
     velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     waiting: list[PieceBlow] = field(default_factory=list)
     since: float = 0.0
     borne: dict[int, tuple[np.ndarray, tuple[BodyContacts, ...]]] = field(default_factory=dict)
     unsampled: float = 0.0
-    touches: tuple[int, bool] = (-1, False)
 
 
 @dataclass

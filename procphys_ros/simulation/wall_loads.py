@@ -20,7 +20,6 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.elementary import exp, expm1
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
-from procphys_ros.physics.touch import overlaps
 from procphys_ros.physics.world import Contacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -31,11 +30,10 @@ _BREEZE = 60.0          # [Pa] dynamic pressure, 10 m/s, that walls withstand wi
 _WIND_CHANGE = 0.25     # of the dynamic pressure that was last applied
 _GONE = 0.02            # share of lost standing parts that requires a new survey of the faces
 _WIND_LAYER = 'wind'
-SMOOTHING = 0.1         # [s] over which impulses of moving bodies count as a steady load: about
+SMOOTHING = 0.1         # [s] over which impulses of loose bodies count as a steady load: about
 #                         two periods of a storey-high wall, which averages shorter ones
-DEBRIS_INTERVAL = 0.1   # [s] between updates of resting loads
-_TRACE = 1.0            # [N], [N·m] at which the load of a moving body has faded
-_ROOM = 0.1             # [m] around bodies, more than they move in a contact
+DEBRIS_INTERVAL = 0.1   # [s] between updates of loads
+_TRACE = 1.0            # [N], [N·m] at which the load of a loose body has faded
 DEBRIS_LAYER = 'debris'
 
 
@@ -127,43 +125,23 @@ def _pressure(air: np.ndarray) -> np.ndarray:
 
 def press_debris(model: Model, state: State, dt: float) -> None:
     """
-    Record the impulses of moving debris, and update its loads at intervals.
+    Record the impulses of debris, and update its loads at intervals.
 
     Writes `state.rubble` and loads.
     """
     own, loaded = state.rubble, DEBRIS_LAYER in state.loads.sources
     if not ((state.bodies.members or loaded) and state.standing.any()):
         return
-    own.moving *= exp(-dt / SMOOTHING)
-    if may_touch(model, state):
-        share = -expm1(-dt / SMOOTHING) / dt
-        _press_parts(state, state.world.contacts(), share, own.moving)
+    own.load *= exp(-dt / SMOOTHING)
+    share, standing = -expm1(-dt / SMOOTHING), part_of_body(state)
+    _press_parts(state, standing, state.world.contacts(), share / dt, own.load)
+    _press_parts(state, standing, state.world.slept, share, own.load)
     own.since += dt
     if own.since < DEBRIS_INTERVAL - 1e-9:
         return
     own.since = 0.0
-    total = own.moving + _resting(state)
-    parts = np.flatnonzero(np.abs(total).max(axis=1) > _TRACE)
-    state.loads.follow(DEBRIS_LAYER, parts, total[parts])
-
-
-def may_touch(model: Model, state: State) -> bool:
-    """
-    Return whether any moving body may touch masonry; reading contacts is expensive.
-
-    Computed once per step, after bodies have moved.
-    """
-    own = state.rubble
-    if own.touches[0] != state.steps:
-        own.touches = state.steps, _is_near(model, state)
-    return own.touches[1]
-
-
-def _is_near(model: Model, state: State) -> bool:
-    bodies, awake = state.world.bodies, state.world.awake
-    place, room = bodies.poses[awake, :3], bodies.radius[awake, None] + _ROOM
-    bounds = np.hstack([place - room, place + room])
-    return len(overlaps(bounds, model.masonry.bricks.reach)[0]) > 0
+    parts = np.flatnonzero(np.abs(own.load).max(axis=1) > _TRACE)
+    state.loads.follow(DEBRIS_LAYER, parts, own.load[parts])
 
 
 def part_of_body(state: State) -> np.ndarray:
@@ -174,9 +152,15 @@ def part_of_body(state: State) -> np.ndarray:
     return out
 
 
-def _press_parts(state: State, contacts: Contacts, rate: float, out: np.ndarray) -> None:
-    """Add impulses on standing parts, times a rate [1/s], to forces and moments, (N, 6)."""
-    standing = part_of_body(state)
+def _press_parts(state: State, standing: np.ndarray, contacts: Contacts, rate: float,
+                 out: np.ndarray) -> None:
+    """
+    Add impulses on standing parts to forces and moments.
+
+    :param standing: see `part_of_body`.
+    :param rate: factor [1/s].
+    :param out: (N, 6).
+    """
     side = standing[contacts.body_a]
     part = np.maximum(side, standing[contacts.body_b])
     rows = np.flatnonzero(part >= 0)
@@ -184,10 +168,3 @@ def _press_parts(state: State, contacts: Contacts, rate: float, out: np.ndarray)
     force = sign[:, None] * contacts.impulse[rows]
     arm = contacts.point[rows] - state.parts.poses[part[rows], :3]
     np.add.at(out, part[rows], np.hstack([force, np.cross(arm, force)]))
-
-
-def _resting(state: State) -> np.ndarray:
-    """Return the loads of resting bodies on standing parts, (N, 6)."""
-    out = np.zeros_like(state.rubble.moving)
-    _press_parts(state, state.world.asleep, 1.0, out)
-    return out

@@ -110,6 +110,11 @@ class World:
         """Contacts with which bodies fell asleep; their impulses are those of one second."""
         return Contacts.of(self._asleep, 1.0)
 
+    @property
+    def slept(self) -> Contacts:
+        """Likewise, of those that slept through the last step: they are not in `contacts`."""
+        return Contacts.of(self._slept, 1.0)
+
     def bounds(self, ids: np.ndarray) -> np.ndarray:
         """Compute axis-aligned bounds, three minima, three maxima [m], (K, 6), see `extents`."""
         return extents.bounds(self._bodies, np.atleast_1d(ids))
