@@ -205,6 +205,15 @@ def test_recording_begins_where_the_simulation_is(tmp_path):
     recording = Recording(tmp_path / 'run.mcap')
     assert recording.start == 500_000_000 and recording.duration == pytest.approx(1 / 30)
     recording.close()
+    with Recorder(simulation, tmp_path / 'again.mcap', rate=1.0) as recorder:
+        for _ in range(20):
+            recorder.record()
+            simulation.step()
+        recorder.record()
+        simulation.reset()  # between two frames
+        with pytest.raises(RecordingError, match='was reset'):
+            recorder.record()
+    recording.close()
 
 
 def test_full_disk_ends_the_recording(tmp_path, monkeypatch):

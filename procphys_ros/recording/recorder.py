@@ -56,7 +56,7 @@ class Recorder:
         self._simulation, self._node, self._frame = simulation, node, frame
         self._writer = McapWriter(path)
         self._period = 1.0 / rate
-        self._due = self._full_due = simulation.time
+        self._due = self._full_due = self._seen = simulation.time
         self._last_poses = np.empty((0, 7))
         self._events = simulation.log.total
         self._markers: SceneMarkers | None = None
@@ -84,8 +84,9 @@ class Recorder:
         :raises RecordingError: if the disk is full, or time has jumped back.
         """
         simulation = self._simulation
-        if simulation.time < self._due - self._period - _EARLY:
+        if simulation.time < self._seen - _EARLY:
             raise RecordingError('the simulation was reset; a recording holds one run')
+        self._seen = simulation.time
         if simulation.time < self._due - _EARLY:
             return False
         is_full = simulation.time > self._full_due - _EARLY
