@@ -31,7 +31,7 @@ from procphys_ros.render import draw
 from procphys_ros.render.camera import frame, View
 from procphys_ros.render.command import main
 from procphys_ros.render.drawing import Moment
-from procphys_ros.render.film import moment_of
+from procphys_ros.render.film import moment_of, Shot
 from procphys_ros.render.motion import CameraMotion
 from procphys_ros.render.picture import Renderer
 from procphys_ros.scene import Scene
@@ -79,6 +79,20 @@ def test_film_has_its_length_and_size(scene, tmp_path, capsys):
     frames = _frames(path)
     assert len(frames) == 6 and frames[0].shape == (64, 96, 3)
     assert [p.name for p in tmp_path.iterdir()] == ['film.mp4']
+
+
+@pytest.mark.parametrize('start', [0.0, 0.5])
+@pytest.mark.parametrize('rate, most', [(120.0, 2), (240.0, 4), (40.0, 1), (24.0, 1)])
+def test_pictures_are_evenly_apart(start, rate, most):
+    """Draw each step as often as all others, and pass over as few as the rate asks for."""
+    steps = Shot(start, 600, rate, _SIZE, CameraSettings()).steps(1.0 / 60.0)
+    pace = np.diff(steps)
+    assert steps[0] == 60 * start and pace.max() - pace.min() <= 1
+    assert np.bincount(steps).max() == most
+    if rate > 60.0:
+        assert (np.bincount(steps)[steps[0] + 1:-1] == most).all()
+    else:
+        assert np.abs(steps - 60.0 * (start + np.arange(600) / rate)).max() <= 0.5 + 1e-6
 
 
 def test_orbiting_camera_changes_the_pictures_of_a_series(scene, tmp_path):

@@ -17,6 +17,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import floor
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.scenery import CameraSettings
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.parts import PartNames
+
+_ROUNDING = 1e-6  # of a number of steps
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,10 @@ class Shot:
     def times(self) -> list[float]:
         """Return the times of the pictures [s]."""
         return [self.start + number / self.rate for number in range(self.count)]
+
+    def steps(self, time_step: float) -> list[int]:
+        """Return the number of steps before each picture; halves are rounded up, all alike."""
+        return [floor(time / time_step + 0.5 + _ROUNDING) for time in self.times()]
 
 
 def moment_of(simulation: Simulation) -> Moment:
@@ -89,10 +96,11 @@ def shoot(scene: Scene, shot: Shot, writer: PictureWriter,
     follows = (simulation.names.index(shot.camera.part) if shot.camera.motion == 'follow'
                else None)
     renderer: Renderer | None = None
-    for number, time in enumerate(shot.times()):
-        steps = round(time / simulation.time_step) - round(simulation.time / simulation.time_step)
-        if steps > 0:
-            simulation.step(steps)
+    made = 0
+    for number, (time, steps) in enumerate(zip(shot.times(), shot.steps(simulation.time_step))):
+        if steps > made:
+            simulation.step(steps - made)
+            made = steps
         moment = moment_of(simulation)
         place = None if follows is None else moment.poses[follows, :3].copy()
         if renderer is None:
