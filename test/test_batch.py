@@ -208,6 +208,24 @@ def test_a_table_goes_on_where_it_was_cut(tmp_path):
         Table(tmp_path / 'table.xlsx', ('seed',), 'abc')
 
 
+def test_a_row_may_be_cut_within_a_character(tmp_path):
+    """Cut the last row of two at each of its bytes: the first stays, and is not another sweep."""
+    told = run(Run(0, CALM, ROOT, 0.02))
+    path = tmp_path / 'table.csv'
+    ends = []
+    for number in range(2):
+        table = Table(path, ('post.grammar_text',), 'abc')
+        table.add(number, ('name: \u00e9\U0001f333',), told)
+        table.close(False)
+        ends.append(len(path.read_bytes()))
+    whole = path.read_bytes()
+    for end in range(ends[0], ends[1]):
+        path.write_bytes(whole[:end])
+        table = Table(path, ('post.grammar_text',), 'abc')
+        table.close(False)
+        assert table.done == {0} and path.read_bytes() == whole[:ends[0]]
+
+
 def test_texts_of_several_lines_are_cut_and_read_whole(tmp_path):
     """Cut half a row within a text with line ends, and make Parquet of more than one block."""
     told = run(Run(0, CALM, ROOT, 0.02))

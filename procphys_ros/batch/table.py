@@ -65,18 +65,18 @@ class Table:
             if not lock(self._file):
                 raise SceneError(f'--out {self._path}: another batch is writing it')
             self._file.seek(0)
-            text = self._file.read().decode()
-            whole = text[:_end_of_rows(text)]
+            text = self._file.read()
+            whole = text[:_end_of_rows(text)]  # the rest may end within a character
             if whole:
-                read = csv.DictReader(io.StringIO(whole, newline=''))
+                read = csv.DictReader(io.StringIO(whole.decode(), newline=''))
                 self._check(list(read.fieldnames or []), list(read))
-            elif not ','.join(self._columns).startswith(text):
+            elif not ','.join(self._columns).encode().startswith(text):
                 raise self._other_sweep()
         except (SceneError, UnicodeDecodeError, csv.Error) as error:
             self._file.close()
             raise error if isinstance(error, SceneError) else self._other_sweep() from None
         if whole != text:  # an incomplete row of this table
-            os.truncate(self._rows, len(whole.encode()))
+            os.truncate(self._rows, len(whole))
         if not whole:
             self._append(self._columns)
 
@@ -152,11 +152,11 @@ class Table:
         parquet.write_table(rows.sort_by('run'), path)
 
 
-def _end_of_rows(text: str) -> int:
+def _end_of_rows(text: bytes) -> int:
     """Return the end of the last complete row: after a line end outside quotes."""
-    end = text.rfind('\n') + 1
-    while text.count('"', 0, end) % 2:
-        end = text.rfind('\n', 0, end - 1) + 1
+    end = text.rfind(b'\n') + 1
+    while text.count(b'"', 0, end) % 2:
+        end = text.rfind(b'\n', 0, end - 1) + 1
     return end
 
 
