@@ -62,6 +62,34 @@ def test_a_ray_meets_the_nearest_part(frame):
     np.testing.assert_allclose(hit.distance, 3.0 - half, atol=0.02)  # parts may be missed a bit
 
 
+@pytest.mark.parametrize('away', [5.0, 20.0, 40.0])
+@pytest.mark.parametrize('aside', [0.0, 1.0])
+def test_the_brick_under_the_pointer_is_met(frame, away, aside):
+    """Point at each brick from near and far, straight and askew: meet its face, not next to it."""
+    bricks = np.flatnonzero(frame.content.shape == Shape.BOX)
+    eye = np.array([5.0 + away * np.sin(aside), -away * np.cos(aside), 1.0 + 0.1 * away])
+    for brick in bricks:
+        face = frame.poses[brick, :3] - [0.0, 0.5 * frame.content.size[brick, 1], 0.0]
+        hit = pick(frame, eye, face - eye)
+        assert hit.part == brick
+        np.testing.assert_allclose(hit.point, face, atol=1e-9)
+
+
+def test_a_twig_is_met_next_to_it(frame):
+    """Miss a thin branch by a centimetre at 8 m, before the sky, a wall and the ground."""
+    content = frame.content
+    twig = int(np.flatnonzero(content.shape != Shape.BOX)[-1])
+    thin = replace(content, size=np.where(np.arange(len(content.size))[:, None] == twig,
+                                          [0.01, 0.01, 1.0], content.size))
+    poses = frame.poses.copy()
+    poses[twig] = [5.5, -1.0, 0.4, *rotation.IDENTITY]
+    shown = replace(frame, content=thin, poses=poses)
+    for direction in (NORTH, [0.0, 1.0, 0.2], [0.0, 1.0, -0.1]):
+        aim = np.array([5.515, -1.005, 0.4])
+        hit = pick(shown, aim - 8.0 * np.array(direction), np.array(direction))
+        assert hit.part == twig and np.linalg.norm(hit.point - aim) < 0.05
+
+
 def test_a_turned_part_is_met_where_it_is_now(frame):
     """Hit a brick that lies elsewhere, turned, and no longer where it stood."""
     brick = middle_of_wall(frame)
