@@ -354,6 +354,21 @@ def test_a_ring_of_welds_is_one_body():
     np.testing.assert_allclose(centre, [0.2, 0.4, 50.6 - 0.5 * G * 4.0], atol=0.02)
 
 
+def test_a_ring_of_hinges_has_no_moments_of_its_own():
+    """Throw four rods of 1 kg in a plane ring, which turns at 2 rad/s: bearings get a few N·m."""
+    world, spin = World(engine='native', gravity=(0.0, 0.0, 0.0)), np.array([1.0, 2.0, 0.5])
+    places = np.array([[0.0, 0.5, 5.0], [0.5, 0.0, 5.0], [0.0, -0.5, 5.0], [-0.5, 0.0, 5.0]])
+    ids = np.array([bar(world, place, ROD if k % 2 == 0 else ROD[[1, 0, 2]],
+                        velocity=np.concatenate([np.cross(spin, place - [0, 0, 5.0]), spin]))
+                    for k, place in enumerate(places)])
+    upright = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-0.5 * np.pi))
+    world.join(JointKind.HINGE, ids, np.roll(ids, -1), np.array([
+        pose(place + after - [0, 0, 5.0], upright)
+        for place, after in zip(places, np.roll(places, -1, axis=0))]))
+    moments = run(world, 0.1, 1.0 / 60.0, lambda: world.joints.moment)
+    assert np.abs(moments).max() < 20.0
+
+
 def tumbling(way=(0.0, 0.0, 0.0), attitude=UPRIGHT, gravity=False):
     """Let three bodies hang by all kinds of joints, and throw them; return world and bodies."""
     down = rotation.rotate(attitude, [0.0, 0.0, -G]) if gravity else np.zeros(3)

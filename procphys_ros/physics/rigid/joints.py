@@ -76,7 +76,8 @@ _WAY, _ARM, _OTHER_ARM, _AXES, _OTHER_AXES, _PLACE = 0, 3, 6, 9, 18, 27
 
 _CALM = 1e-4  # [m/s, rad/s] change of speed by a pass at which passes end
 _SPAN = 1.0 / 240.0  # [s] longest time of the mean forces that break joints
-_RIDGE = 1e-9  # relative regularisation of the diagonal, for redundant rows
+_RIDGE = 1e-5  # relative regularisation of the diagonal: redundant rows, which differ in the last
+#                digits, would press against each other without bounds; passes make up for it
 
 
 class JointRows(NamedTuple):
