@@ -121,7 +121,7 @@ def test_it_pushes_loose_blocks_along():
 
 @pytest.mark.parametrize('engine', ['native', 'bullet'])
 def test_it_bears_what_sleeps_on_it(engine):
-    """Carry a block until it has long been asleep: its weight and its moment are felt all along."""
+    """Carry a block until it has long been asleep: weight and moment are felt all along."""
     simulation = scene_of(mast(), engine, shape='box', size=[1.0, 1.0, 0.2])
     simulation.place_intruder([9.0, 0.0, 1.0, *_TURN])
     simulation.step()

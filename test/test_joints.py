@@ -561,7 +561,7 @@ def test_a_blow_breaks_a_joint_and_keeps_what_it_could_not_carry(time_step):
 @pytest.mark.parametrize('time_step', STEPS)
 @pytest.mark.parametrize('company', [False, True])
 def test_a_slow_blow_is_judged_as_a_fast_one(time_step, company):
-    """Push a heavy block at 0.25 m/s, in steps of any length, alone or with fast bodies far away."""
+    """Push a heavy block at 0.25 m/s, in steps of any length, alone or with fast ones far away."""
     world = World(engine='native', gravity=(0.0, 0.0, 0.0))
     body = bar(world, [0.0, 0.0, 5.0], [0.2] * 3, 20.0)
     world.join(JointKind.WELD, body, 0, pose([0.0, 0.0, 5.0]), JointOptions(force=600.0))
