@@ -59,7 +59,7 @@ def test_heights_are_those_of_the_boxes():
                               rng.uniform(0.5, 9.0, 40)])
     skyline = Skyline.over(bounds)
     for x, y in rng.uniform(-10.0, 10.0, (500, 2)):
-        corner = particles.low + EDGE * np.floor((np.array([x, y]) - particles.low) / EDGE)
+        corner = skyline.low + EDGE * np.floor((np.array([x, y]) - skyline.low) / EDGE)
         meets = ((bounds[:, :2] < corner + EDGE) & (bounds[:, 3:5] >= corner)).all(axis=1)
         assert height_at(skyline, x, y) == bounds[meets, 5].max(initial=0.0)
 
