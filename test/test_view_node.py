@@ -17,6 +17,7 @@
 
 import json
 import signal
+import threading
 from types import SimpleNamespace
 
 from node_process import NodeProcess, SAPLING, wait_until
@@ -101,6 +102,15 @@ def test_a_node_that_does_not_run_is_said_to(followed):
     """Wait for the node, and say so."""
     if not followed.status().alive:
         assert followed.status().text == '/sim does not answer'
+
+
+def test_a_page_that_still_looks_for_its_node_ends(followed):
+    """Leave no thread inside ROS, which would abort the process at its end."""
+    page = FollowedNode('nobody')
+    before = set(threading.enumerate())
+    page.start()
+    page.close()
+    assert set(threading.enumerate()) <= before
 
 
 def test_the_scene_arrives_as_the_library_builds_it(node, followed):

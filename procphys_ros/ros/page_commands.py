@@ -81,10 +81,10 @@ class PageCommands:
         self._thread.start()
 
     def close(self) -> None:
-        """End, after the present command."""
+        """End, without waiting for an answer: a thread left inside ROS would abort the process."""
         self._ended.set()
         if self._thread.is_alive():
-            self._thread.join(_TIMEOUT)
+            self._thread.join()
 
     def put(self, command: Any) -> None:
         """Queue a command."""
@@ -108,7 +108,7 @@ class PageCommands:
         waiting = self._take()
         try:
             if self._remote is None:
-                self._remote = Remote(self._name, _TIMEOUT, self._patience)
+                self._remote = Remote(self._name, _TIMEOUT, self._patience, self._ended)
             if waiting:
                 self.answer = self._answer_to(self._remote, waiting)
             if monotonic() > self._next_look:

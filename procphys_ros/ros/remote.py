@@ -17,6 +17,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 import os
+from threading import Event
 from time import monotonic
 from typing import Any
 
@@ -61,20 +62,25 @@ class Remote:
     :param timeout: time to look for it, and for its topics and services if that is longer
         than usual [s].
     :param patience: time to wait for an answer once it is found [s].
+    :param ended: ends every wait as soon as it is set.
     :ivar patience: as given; may be changed from call to call.
     :raises NoNodeError: if it is not found; the message lists the nodes present.
     """
 
-    def __init__(self, name: str, timeout: float, patience: float = PATIENCE):
+    def __init__(self, name: str, timeout: float, patience: float = PATIENCE,
+                 ended: Event | None = None):
         self.name = '/' + name.strip('/')
         self.patience = patience
+        self._ended = ended or Event()
         self._search = max(timeout, _SEARCH)
         self._node = rclpy.create_node(f'command_{os.getpid()}', start_parameter_services=False)
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         client = self._node.create_client(Trigger, f'{self.name}/{_FIRST}')
         if not self._has_come(client.service_is_ready, timeout):
-            raise NoNodeError(self._who_is_there(timeout))
+            who = self._who_is_there(timeout)
+            self.close()
+            raise NoNodeError(who)
         self._node.destroy_client(client)
 
     def close(self) -> None:
@@ -201,7 +207,7 @@ class Remote:
         """Process incoming messages until a condition holds; return whether it did in time [s]."""
         end = monotonic() + patience
         while not done():
-            if monotonic() > end:
+            if monotonic() > end or self._ended.is_set():
                 return False
             self._executor.spin_once(timeout_sec=_TURN)
         return True
