@@ -26,6 +26,7 @@ PACKAGE = Path(__file__).resolve().parents[1] / 'procphys_ros'
 _SCENE = 'gust_and_ball'
 # What writes scenes and what moves them.
 STATE = sorted(path for pattern in ('geometry/*.py', 'blueprint/*.py', 'files/*.py',
+                                    'appearance/pa*.py', 'appearance/torn_wood.py',
                                     'language/*.py', 'lsystem/*.py', 'wallgrammar/*.py',
                                     'physics/**/*.py', 'scene/*.py', 'simulation/*.py', '*.py')
                for path in PACKAGE.glob(pattern))
