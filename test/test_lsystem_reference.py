@@ -48,9 +48,10 @@ def test_sections():
 
 
 def test_symbols():
-    """List every symbol with its numbers of parameters."""
-    found = {_names(row[0])[0]: tuple(int(n) for n in row[1].split(','))
-             for row in _rows('Symbols')}
+    """List every symbol and every query with its numbers of parameters."""
+    rows = _rows('Symbols') + _rows('Queries')
+    found = {re.sub(r'^[?]E[(](\w+);.*', r'?E \1', _names(row[0])[0]):
+             tuple(int(n) for n in row[1].split(',')) for row in rows}
     physics = {name for a in ATTRIBUTES for name in (a.name, a.name + 'Rate')} - {'Leaf'}
     assert found == {name: symbol.arities for name, symbol in SYMBOLS.items()
                      if name not in physics}

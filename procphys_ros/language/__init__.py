@@ -16,6 +16,7 @@
 """Language: arithmetic, places and error messages that both grammar languages share."""
 
 from procphys_ros.language.arithmetic import Value
+from procphys_ros.language.curves import ControlCurve
 from procphys_ros.language.defines import generator_of, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
@@ -31,6 +32,7 @@ __all__ = [
     'Value',
     'check_length',
     'compile_expression',
+    'ControlCurve',
     'find_grammar',
     'generator_of',
     'read_include',

@@ -23,6 +23,7 @@ to Python's own evaluator.
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from lark import Token, Tree
 import numpy as np
@@ -37,6 +38,7 @@ from procphys_ros.language.arithmetic import (
 )
 from procphys_ros.language.place import Place
 
+_NONE: Mapping[str, Callable[[Value], Value]] = MappingProxyType({})
 _DEEPEST = 150  # nested operations; keeps the closures far below Python's recursion limit
 
 
@@ -103,6 +105,7 @@ class _Compiler:
     source: str
     first_line: int
     known: Collection[str] | None
+    curves: Mapping[str, Callable[[Value], Value]]
 
     def build(self, node: Tree, depth: int = 0) -> Expression:
         place = Place.of(node, self.source, self.first_line)
@@ -140,7 +143,9 @@ class _Compiler:
         name = str(node.children[0])
         arguments = [self.build(child, depth + 1) for child in node.children[1:]
                      if child is not None]
-        table = {**FUNCTIONS, **RANDOM_FUNCTIONS}
+        table: dict[str, tuple[Callable[..., Value], int, int]] = {
+            **FUNCTIONS, **RANDOM_FUNCTIONS,
+            **{curve: (run, 1, 1) for curve, run in self.curves.items()}}
         if name not in table:
             raise place.error(f'unknown function "{name}"{nearest_names(name, table)} '
                               f'(functions: {", ".join(sorted(table))})')
@@ -202,7 +207,8 @@ def _choice(operands: list[Expression], conjunction: bool) -> Callable[[Scope], 
 
 
 def compile_expression(tree: Tree, source: str = '<text>', first_line: int = 1,
-                       known: Collection[str] | None = None) -> Expression:
+                       known: Collection[str] | None = None,
+                       curves: Mapping[str, Callable[[Value], Value]] = _NONE) -> Expression:
     """
     Compile a parsed expression.
 
@@ -210,6 +216,7 @@ def compile_expression(tree: Tree, source: str = '<text>', first_line: int = 1,
     :param source: name of the file or parameter, for errors.
     :param first_line: line of the file on which the parsed text began.
     :param known: names that may occur; None = any.
+    :param curves: functions of one value, by name, besides those that are known everywhere.
     :raises GrammarError: for an unknown name or function, or a wrong number of arguments.
     """
-    return _Compiler(source, first_line, known).build(tree)
+    return _Compiler(source, first_line, known, curves).build(tree)

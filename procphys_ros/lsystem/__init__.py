@@ -15,7 +15,8 @@
 
 """L-systems: grammars that grow trees (Prusinkiewicz and Lindenmayer 1990, with physics)."""
 
+from procphys_ros.lsystem.growth import grow, Growth
 from procphys_ros.lsystem.modules import Module, Modules
 from procphys_ros.lsystem.system import LSystem, MAX_MODULES
 
-__all__ = ['LSystem', 'MAX_MODULES', 'Module', 'Modules']
+__all__ = ['grow', 'Growth', 'LSystem', 'MAX_MODULES', 'Module', 'Modules']

@@ -15,8 +15,9 @@
 
 """Compiler: from the text of an L-system to rules that can be applied."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -25,7 +26,8 @@ import numpy as np
 
 from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.errors import GrammarError, nearest_names
-from procphys_ros.language import compile_expression, Expression, Place
+from procphys_ros.language import compile_expression, ControlCurve, Expression, Place
+from procphys_ros.language.arithmetic import FUNCTIONS, RANDOM_FUNCTIONS
 from procphys_ros.lsystem.derivation import Derivation
 from procphys_ros.lsystem.inclusion import gather_statements
 from procphys_ros.lsystem.modules import Vocabulary
@@ -101,7 +103,7 @@ class _SectionReader:
                                   f'(textures contain one of: {", ".join(LOOKS)})')
         return tuple(name for name, _ in words)
 
-    def defines(self) -> list[tuple[str, Expression]]:
+    def defines(self, curves: Mapping[str, ControlCurve]) -> list[tuple[str, Expression]]:
         """Compile the defines, those of included files last; a define of the text itself wins."""
         found = [(child.children, at) for tree, at in self.trees('define')
                  for child in tree.children if child is not None]
@@ -115,7 +117,27 @@ class _SectionReader:
             if str(name) in dict(result):
                 raise place.error(f'"{name}" is defined twice')
             known = [defined for defined, _ in result]
-            result.append((str(name), compile_expression(value, at.source, at.line, known)))
+            result.append((str(name), compile_expression(value, at.source, at.line, known,
+                                                         curves)))
+        return result
+
+    def curves(self) -> dict[str, ControlCurve]:
+        """Compile the curves; those of the text itself win over included ones."""
+        result: dict[str, ControlCurve] = {}
+        for tree, at in self.trees('curve'):
+            name, *points = tree.children
+            place = Place.of(name, at.source, at.line)
+            if name in FUNCTIONS or name in RANDOM_FUNCTIONS:
+                raise place.error(f'"{name}" cannot be a curve: it is a function already')
+            if name in result:
+                if at.source == self.source:
+                    raise place.error(f'the curve "{name}" stands twice')
+                continue
+            found = [tuple(compile_expression(value, at.source, at.line, ()).number(
+                {}, np.random.default_rng(0)) for value in point.children) for point in points]
+            if any(x >= next_x for (x, _), (next_x, _) in pairwise(found)):
+                raise place.error(f'the points of the curve "{name}" must go from left to right')
+            result[str(name)] = ControlCurve(found)
         return result
 
     def value(self, section: str, known: list[str]) -> Expression | None:
@@ -138,10 +160,11 @@ def compile_grammar(text: str, source: str, max_modules: int,
     :raises GrammarError: for statements that cannot be read or contradict each other.
     """
     reader = _SectionReader(source, gather_statements(text, source, folder))
-    defines = reader.defines()
+    curves = reader.curves()
+    defines = reader.defines(curves)
     names = [name for name, _ in defines]
     declared = {name for name, _ in reader.words('module')}
-    compiler = RuleCompiler(source, declared, names)
+    compiler = RuleCompiler(source, declared, names, curves)
     axiom = reader.single('axiom')
     if axiom is None:
         raise GrammarError('the section "axiom:" is missing; it gives the first string, '
@@ -152,6 +175,7 @@ def compile_grammar(text: str, source: str, max_modules: int,
                        for tree, at in reader.trees(section)] for section in RULE_SECTIONS}
     compiler.of(source)
     _check_contexts(rules)
+    _check_queries(rules['interpretation'], compiler.vocabulary)
     skipped = _skipped_names(reader, compiler)
     _check_meanings(compiler, start, rules)
     ignored = np.array([skipped(name) for name in compiler.vocabulary.names])
@@ -183,6 +207,15 @@ def _check_contexts(rules: dict[str, list[Production]]) -> None:
         for rule in rules[section]:
             if rule.left or rule.right:
                 raise rule.place.error(f'rules under "{section}:" have no contexts')
+
+
+def _check_queries(rules: list[Production], vocabulary: Vocabulary) -> None:
+    """Check that interpretation leaves queries alone: they are answered as it finds them."""
+    for rule in rules:
+        for key in (rule.predecessor, *(piece.key for piece in rule.successor)):
+            if vocabulary.names[key][0] == '?':
+                raise rule.place.error('rules under "interpretation:" neither write nor replace '
+                                       'queries; productions do')
 
 
 def _check_ignored(rule: Production, ignored: np.ndarray, vocabulary: Vocabulary) -> None:

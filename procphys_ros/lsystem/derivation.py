@@ -15,7 +15,7 @@
 
 """Derivation: the steps of an L-system from its axiom to the string that the turtle reads."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,23 +71,25 @@ class Derivation:
     decomposition: RuleSet
     interpretation: RuleSet
 
-    def derive(self, steps: int, defines: Mapping[str, float],
-               generator: np.random.Generator) -> Modules:
+    def strings(self, steps: int, defines: Mapping[str, float],
+                generator: np.random.Generator) -> Iterator[Modules]:
         """
-        Derive a string.
+        Derive the axiom and its successors.
 
         :param steps: number of derivation steps.
         :param defines: value of each define.
         :param generator: source of all random choices.
+        :returns: `steps` + 1 strings; the parameters of one may be changed before the next.
         :raises GrammarError: when growth or recursion pass their bounds.
         """
         work = _Work(_MOST_WORK * self.production.max_modules)
         modules = self._decompose(self._write_axiom(defines, generator), None, defines, generator,
                                   work)
+        yield modules
         for _ in range(steps):
             result = work.rewrite(self.production, modules, defines, generator)
             modules = self._decompose(result.modules, result.fresh, defines, generator, work)
-        return modules
+            yield modules
 
     def interpret(self, modules: Modules, depth: int, defines: Mapping[str, float],
                   generator: np.random.Generator) -> Modules:

@@ -38,7 +38,6 @@ SYMBOLS = {
     '"': 'a length is scaled by a parameter: A(l) -> F(l) A(0.9 * l)',
     ';': "colours are textures: Texture(n), or ' for the next one",
     ',': 'colours are textures: Texture(n)',
-    '?': 'no module is told where it stands or heads',
 }  # hints for modules of other programs
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from procphys_ros.language import Place, read_include, shorten
 from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Statement
 
-_TAKEN = ('module', 'define', *RULE_SECTIONS)
+_TAKEN = ('module', 'define', 'curve', *RULE_SECTIONS)
 
 
 def gather_statements(text: str, source: str, folder: Path | None = None) -> list[Statement]:

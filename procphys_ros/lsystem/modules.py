@@ -39,7 +39,9 @@ class Module(NamedTuple):
     def __str__(self) -> str:
         if not self.parameters:
             return self.name
-        return f'{self.name}({",".join(f"{value:.12g}" for value in self.parameters)})'
+        values = ','.join(f'{value:.12g}' for value in self.parameters)
+        query, _, kind = self.name.partition(' ')
+        return f'{query}({kind};{values})' if kind else f'{self.name}({values})'
 
 
 class Vocabulary:

@@ -15,18 +15,19 @@
 
 """Rules: productions compiled from their syntax trees."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 import re
 
 from lark import Token, Tree
 import numpy as np
 
+from procphys_ros.environment import KINDS
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import compile_expression, Expression, Place, Value
+from procphys_ros.language import compile_expression, ControlCurve, Expression, Place, Value
 from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
 from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
-from procphys_ros.lsystem.symbols import LONG_NAMES, SYMBOLS
+from procphys_ros.lsystem.symbols import asking, FRAME_QUERIES, LONG_NAMES, SYMBOLS
 
 # Words that are not meant letter by letter; FfA is, and Ab may be.
 _CAMEL_CASE = re.compile(r'[A-Z][a-z]{2}|[A-Z][a-z]+[A-Z][a-z]')
@@ -102,6 +103,7 @@ class RuleCompiler:
     :ivar source: name of the text.
     :ivar declared: long names that the grammar declares.
     :ivar defines: names of the defines.
+    :ivar curves: functions of the grammar, by name.
     :ivar vocabulary: extended while rules are compiled.
     :ivar origins: place and name of every module written anywhere.
     :ivar words: words that were split into letters, with their places.
@@ -110,6 +112,7 @@ class RuleCompiler:
     source: str
     declared: Collection[str]
     defines: Collection[str]
+    curves: Mapping[str, ControlCurve] = field(default_factory=dict)
     vocabulary: Vocabulary = field(default_factory=Vocabulary)
     origins: list[tuple[Place, str]] = field(default_factory=list)
     words: list[tuple[str, Place]] = field(default_factory=list)
@@ -162,7 +165,7 @@ class RuleCompiler:
     def _optional(self, tree: Tree | Token | None, line: int, known: set[str]):
         if tree is None or isinstance(tree, Token):  # a "*" is always true
             return None
-        return compile_expression(tree, self.source, line, known)
+        return compile_expression(tree, self.source, line, known, self.curves)
 
     def _weight(self, tree: Tree | None, line: int, known: set[str]) -> Expression | None:
         weight = self._optional(tree, line, known)
@@ -215,9 +218,9 @@ class RuleCompiler:
                     raise place.error('"=]" belongs into a right context')
                 result.append(self._one(PUSH if child.children[0] == '[' else POP, place))
                 continue
-            arguments = tuple(compile_expression(t, self.source, line, known)
-                              for t in child.children[1:] if t is not None)
             *letters, last = self._split(child.children[0].children[0], line)
+            arguments = tuple(compile_expression(t, self.source, line, known, self.curves)
+                              for t in child.children[1:] if t is not None)
             result += [self._one(self.vocabulary.key(x, 0), place) for x in letters]
             result.append(self._one(self.vocabulary.key(last, len(arguments)), place, arguments))
         self._check_brackets(tree, line)
@@ -243,12 +246,15 @@ class RuleCompiler:
 
     def names(self, tree: Tree, line: int) -> list[str]:
         """List the symbols of an `ignore` or `consider` statement."""
-        return [name for token in tree.children for name in self._split(token, line)]
+        return [name for token in tree.children
+                for name in (map(asking, KINDS) if token == '?E' else self._split(token, line))]
 
     def _split(self, token: Token, line: int) -> list[str]:
         """Split a word into declared names, known names and single letters."""
         text = str(token)
         place = Place.of(token, self.source, line)
+        if text[0] == '?':
+            return [self._query(text, place)]
         if not text[0].isalnum() or text in self.declared or text in LONG_NAMES:
             if text not in SYMBOLS and text not in self.declared:
                 raise place.error(f'unknown module "{text}"{nearest_names(text, SYMBOLS)}')
@@ -259,6 +265,17 @@ class RuleCompiler:
         if _CAMEL_CASE.search(text):
             self.words.append((text, place))
         return pieces
+
+    def _query(self, text: str, place: Place) -> str:
+        """Return the name of a query module."""
+        if text in FRAME_QUERIES:
+            return text
+        kind = text[2:].strip(' \t\n(;')
+        if kind not in KINDS:
+            what = f'"{kind}"{nearest_names(kind, KINDS)}' if kind else f'"{text}"'
+            raise place.error(f'no query {what} (?P, ?H, ?L and ?U take (x, y, z); ?E(kind; …) '
+                              f'asks for {", ".join(KINDS)})')
+        return asking(kind)
 
     def _pieces(self, word: str) -> list[str]:
         """Cut a word into the longest names that are known, and letters."""

@@ -23,11 +23,13 @@ from procphys_ros.language import Place, shorten
 from procphys_ros.lsystem.dialects import check_line
 
 ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
-_SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures')
+_SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures',
+                  'curve')
 RULE_SECTIONS = ('production', 'decomposition', 'interpretation')
 _SYNONYMS = {'homomorphism': 'interpretation'}
 HEADERS = (*ONE_LINE, *_SEVERAL_LINES, *RULE_SECTIONS, *_SYNONYMS)
 _HEADER = re.compile(r'^\s*(' + '|'.join(HEADERS) + r')\s*:', re.IGNORECASE)
+_CURVE = re.compile(r'^(\s*curve)\s+\w+\s*:', re.IGNORECASE)
 _LOOKS_LIKE_HEADER = re.compile(r'^\s*([A-Za-z][A-Za-z_ ]{2,})\s*:')
 _ARROW = re.compile(r'-{1,2}>')
 _CARRIES_ON = re.compile(r'^\s*(-{1,2}>|[:<>])')
@@ -67,6 +69,11 @@ def split_statements(text: str, source: str) -> list[Statement]:
     lines = [line.split('#', 1)[0].rstrip() for line in text.splitlines()]
     for number, (written, line) in enumerate(zip(text.splitlines(), lines), 1):
         check_line(written, text, Place(source, number, 1))
+        if curve := _CURVE.match(line):  # its name stands before the colon
+            _close(statements, section, buffer, start, source)
+            section, start = 'curve', number
+            buffer = [' ' * curve.end(1) + line[curve.end(1):]]
+            continue
         header = _HEADER.match(line)
         if header:
             _close(statements, section, buffer, start, source)

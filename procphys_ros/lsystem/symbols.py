@@ -20,6 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.environment import KINDS
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 
@@ -46,6 +47,7 @@ class Op(IntEnum):
     NEXT_TEXTURE = 17
     ATTRIBUTE = 18
     RATE = 19
+    QUERY = 20      # ?P and its like: answered, not drawn
 
 
 class Range(NamedTuple):
@@ -141,6 +143,14 @@ class Symbol(NamedTuple):
     argument: int = 0
 
 
+FRAME_QUERIES = ('?P', '?H', '?L', '?U')  # position, heading, left and up
+
+
+def asking(kind: str) -> str:
+    """Return the name of the module that asks the environment something: `?E(kind; …)`."""
+    return f'?E {kind}'
+
+
 def _symbols() -> dict[str, Symbol]:
     table = {
         'F': Symbol(Op.SEGMENT, (0, 1)), 'G': Symbol(Op.ORNAMENT_SEGMENT, (0, 1)),
@@ -160,6 +170,8 @@ def _symbols() -> dict[str, Symbol]:
         if attribute.name != 'Leaf':
             table[attribute.name] = Symbol(Op.ATTRIBUTE, (1,), i)
         table[attribute.name + 'Rate'] = Symbol(Op.RATE, (1,), i)
+    table |= {name: Symbol(Op.QUERY, (3,)) for name in FRAME_QUERIES}
+    table |= {asking(kind): Symbol(Op.QUERY, kinds) for kind, kinds in KINDS.items()}
     table['!'] = Symbol(Op.ATTRIBUTE, (0, 1), ATTRIBUTE_INDEX['Width'])
     return table
 

@@ -32,35 +32,40 @@ head: pattern
     | pattern ">" pattern -> right_head
     | pattern "<" pattern ">" pattern -> both_head
 pattern: (matcher | bracket)+
-matcher: named [_OPEN NAME (_COMMA NAME)* _CLOSE]
+matcher: named [_OPEN NAME (_COMMA NAME)* _CLOSE] | asked NAME (_COMMA NAME)* _CLOSE
 axiom: successor
 successor: (module | bracket)+
 module: named [_OPEN expression (_COMMA expression)* _CLOSE]
+    | asked expression (_COMMA expression)* _CLOSE
 named: WORD | SYMBOL | ANYTHING
+asked: ASKED
 bracket: BRACKET
 symbols: (WORD | SYMBOL)*
 names: [NAME (_COMMA NAME)*]
 defines: [definition (_COMMA definition)*]
 definition: NAME "=" expression
 value: expression
+curve: NAME ":" point point+
+point: _OPEN expression _COMMA expression _CLOSE
 
 ARROW.4: /-{1,2}>/
 WORD: /[A-Za-z0-9][A-Za-z0-9_]*/
-SYMBOL: /@[A-Za-z]*|[-+&^\\\/|$!%.'~{}]/
+ASKED.5: /\?E\s*\(\s*[A-Za-z_]+\s*;/
+SYMBOL: /@[A-Za-z]*|\?[A-Z]?|[-+&^\\\/|$!%.'~{}]/
 ANYTHING: "*"
 BRACKET.3: "[" | "]" | "=]"
 %ignore /\s+/
 """
 
 _WORDS = {
-    'ARROW': '"->"', 'WORD': 'a module', 'SYMBOL': 'a module', 'ANYTHING': '"*"',
-    'BRACKET': 'a bracket', 'COLON': '":"', 'EQUAL': '"="', 'LESSTHAN': '"<"',
+    'ARROW': '"->"', 'WORD': 'a module', 'SYMBOL': 'a module', 'ASKED': 'a module',
+    'ANYTHING': '"*"', 'BRACKET': 'a bracket', 'COLON': '":"', 'EQUAL': '"="', 'LESSTHAN': '"<"',
     'MORETHAN': '">"',
 }
 _START = {
     'axiom': 'axiom', 'production': 'rule', 'decomposition': 'rule', 'interpretation': 'rule',
     'define': 'defines', 'module': 'names', 'textures': 'names', 'ignore': 'symbols',
-    'consider': 'symbols', 'derivation length': 'value', 'angle': 'value',
+    'consider': 'symbols', 'curve': 'curve', 'derivation length': 'value', 'angle': 'value',
     'maximum depth': 'value',
 }
 _KEPT = 1000  # cached trees of statements, which reloads, batch runs and variants share

@@ -15,29 +15,23 @@
 
 """L-system: from the text of a grammar to strings and blueprints."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-import numbers
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, skeleton
-from procphys_ros.errors import GrammarError
-from procphys_ros.language import (
-    check_length,
-    Expression,
-    find_grammar,
-    generator_of,
-    read_text,
-    resolve_defines,
-)
+from procphys_ros.blueprint import Blueprint
+from procphys_ros.language import check_length, find_grammar, read_text
 from procphys_ros.lsystem.compiler import compile_grammar, CompiledGrammar
+from procphys_ros.lsystem.growth import build_drawn, grow, Growth
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
-from procphys_ros.schema import short
+from procphys_ros.lsystem.turtle_reader import Drawing
 
 MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
-_MOST_STEPS = 10_000
+_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+_NO_DEFINES: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -96,24 +90,15 @@ class LSystem:
         :param defines: values that replace those of the grammar.
         :raises GrammarError: when growth passes its bounds or an expression has no value.
         """
-        return self._derive(steps, generator_of(seed, self.grammar.source), defines)[0]
+        return self._grow(steps, seed, defines).modules
 
     def interpret(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Modules:
         """Derive the string and apply the interpretation rules; parameters as in `derive`."""
-        return self._interpret(steps, generator_of(seed, self.grammar.source), defines)[0]
+        return self._grow(steps, seed, defines).interpreted()
 
     def draw(self, /, steps: int | None = None, seed: int = 0, **defines: float) -> Drawing:
         """Let the turtle read the interpreted string; parameters as in `derive`."""
-        return self._draw(steps, seed, defines)
-
-    def _draw(self, steps: int | None, seed: int, overrides: dict[str, float]) -> Drawing:
-        generator = generator_of(seed, self.grammar.source)
-        modules, values = self._interpret(steps, generator, overrides)
-        angle = self.grammar.angle
-        turtle = Turtle(self.grammar.origins, self.grammar.source,
-                        None if angle is None else angle.number(values, generator),
-                        self.grammar.textures)
-        return turtle.draw(modules)
+        return self._grow(steps, seed, defines).draw()
 
     def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
@@ -124,34 +109,25 @@ class LSystem:
         :returns: parts and bonds at rest, rooted at the origin.
         :raises GrammarError: when the string cannot be derived or drawn.
         """
-        drawing = self._draw(None, seed, defines)
-        return skeleton.build(drawing.branches, drawing.leaves, drawing.ornaments,
-                              drawing.textures, polygons=drawing.polygons)
+        return build_drawn(self._grow(None, seed, defines).draw())
 
-    def _derive(self, steps: int | None, generator: np.random.Generator,
-                overrides: dict[str, float]) -> tuple[Modules, dict[str, float]]:
-        grammar = self.grammar
-        values = resolve_defines(grammar.defines, overrides, generator, grammar.source)
-        if steps is None:
-            steps = self._count('derivation length', grammar.steps, 1, values, generator)
-        elif not isinstance(steps, numbers.Integral) or not 0 <= steps <= _MOST_STEPS:
-            raise GrammarError(f'the number of steps must be a whole number, 0 to {_MOST_STEPS}, '
-                               f'found {short(steps)}', grammar.source)
-        return grammar.derivation.derive(steps, values, generator), values
+    @property
+    def asks(self) -> bool:
+        """Return whether plants ask where they stand; `build` grows them alone in the open."""
+        return any(name[0] == '?' for name in self.grammar.derivation.vocabulary.names)
 
-    def _interpret(self, steps: int | None, generator: np.random.Generator,
-                   overrides: dict[str, float]) -> tuple[Modules, dict[str, float]]:
-        modules, values = self._derive(steps, generator, overrides)
-        depth = self._count('maximum depth', self.grammar.depth, 1, values, generator)
-        modules = self.grammar.derivation.interpret(modules, depth, values, generator)
-        return modules, values
+    def plant(self, root: np.ndarray, seed: int = 0,
+              defines: Mapping[str, float] = _NO_DEFINES) -> Growth:
+        """
+        Plant one that is to grow among others; see `grow`.
 
-    def _count(self, name: str, expression: Expression | None, default: int,
-               values: dict[str, float], generator: np.random.Generator) -> int:
-        if expression is None:
-            return default
-        number = expression.number(values, generator)
-        if number != int(number) or not 0 <= number <= _MOST_STEPS:
-            raise expression.place.error(
-                f'{name} must be a whole number from 0 to {_MOST_STEPS}, found {number:g}')
-        return int(number)
+        :param root: pose of its origin, turned about the vertical only [m], (7,), world.
+        :param seed: of all random choices.
+        :param defines: values that replace those of the grammar.
+        """
+        return Growth(self.grammar, None, seed, defines, root)
+
+    def _grow(self, steps: int | None, seed: int, defines: Mapping[str, float]) -> Growth:
+        growth = Growth(self.grammar, steps, seed, defines, _ORIGIN)
+        grow([growth])
+        return growth

@@ -66,6 +66,27 @@ class Turtle:
         :param modules: the string; modules without a meaning are skipped.
         :raises GrammarError: for values out of range, naming symbol and place.
         """
+        drawing = self.survey(modules)[0]
+        if drawing is None:
+            raise GrammarError('the string draws no segment; F(length) draws one', self.source)
+        return drawing
+
+    def survey(self, modules: Modules) -> tuple[Drawing | None, np.ndarray]:
+        """
+        Interpret a string, and find where its queries stand; otherwise as `draw`.
+
+        :returns: the drawing, None when nothing is drawn yet; and for each query that is not cut
+            off its carrier, its module, and from column `HEAD` on the turtle's state, (Q, …).
+        """
+        *tables, queries = self._walk(modules)
+        if not len(tables[0]):
+            return None, queries
+        segments, pieces, leaves, triangles = tables
+        textures = self._texture_names(modules, segments, leaves, triangles, pieces)
+        return draw(modules, (segments, pieces, leaves, triangles), textures), queries
+
+    def _walk(self, modules: Modules) -> tuple[np.ndarray, ...]:
+        """Follow a string; return the checked tables of `walk.walk` that have a module each."""
         meanings = [SYMBOLS.get(name, _NOTHING) for name in modules.vocabulary.names]
         op = np.array([m.op for m in meanings], np.int64)[modules.key]
         argument = np.array([m.argument for m in meanings], np.int64)[modules.key]
@@ -80,22 +101,20 @@ class Turtle:
             depth + 1, int(np.count_nonzero(op == Op.POLYGON)) + 1, tables)
         if fault:
             raise self._error(modules, at, walk.FAULTS[fault])
-        segments, pieces, leaves, triangles = (
-            table[:count] for table, count in zip(tables[:4], filled))
+        found = tuple(table[:count] for table, count in zip(tables[:5], filled))
+        segments, pieces, leaves, triangles, queries = found
         self._check_segments(modules, segments)
-        self._check_reach(modules, segments, leaves, pieces, triangles)
-        if not len(segments):
-            raise GrammarError('the string draws no segment; F(length) draws one', self.source)
-        textures = self._texture_names(modules, segments, leaves, triangles, pieces)
-        return draw(modules, (segments, pieces, leaves, triangles), textures)
+        self._check_reach(modules, segments, leaves, pieces, triangles, queries)
+        return found
 
     def _tables(self, op: np.ndarray) -> tuple:
         """
         Allocate the tables that the walk fills.
 
         :returns: segments, boneless segments and leaves (rows of carrier, module, length or size,
-            and the whole state), triangles (carrier, module, texture, three corners), corners of
-            open polygons, and the angle of turns without a parameter [rad].
+            and the whole state), triangles (carrier, module, texture, three corners), queries
+            (rows as those of segments), corners of open polygons, and the angle of turns without
+            a parameter [rad].
         """
         count = np.bincount(op, minlength=len(Op))
         width = HEAD + walk.STATE_SIZE
@@ -105,7 +124,8 @@ class Turtle:
         angle = np.nan if self.angle is None else np.radians(self.angle)
         return (np.empty((count[Op.SEGMENT], width)),
                 np.empty((count[Op.ORNAMENT_SEGMENT], width)), np.empty((count[Op.LEAF], width)),
-                np.empty((corners, 12)), np.empty((corners, 3)), float(angle))
+                np.empty((corners, 12)), np.empty((count[Op.QUERY], width)),
+                np.empty((corners, 3)), float(angle))
 
     def _error(self, modules: Modules, row: int, message: str) -> GrammarError:
         place, name = self.origins[modules.origin[row]]
@@ -177,9 +197,10 @@ class Turtle:
 
     def _check_reach(self, modules: Modules, *tables: np.ndarray) -> None:
         """Check that coordinates and sizes of leaves lie in their ranges."""
-        segments, leaves, pieces, triangles = tables
+        segments, leaves, pieces, triangles, queries = tables
         for table, first, last in ((segments, HEAD, HEAD + 3), (leaves, HEAD, HEAD + 3),
-                                   (pieces, HEAD, HEAD + 3), (triangles, 3, 12)):
+                                   (pieces, HEAD, HEAD + 3), (triangles, 3, 12),
+                                   (queries, HEAD, HEAD + 3)):
             wrong = ~REACH.holds(table[:, first:last]).all(axis=1)
             if wrong.any():
                 row = int(np.argmax(wrong))

@@ -39,12 +39,12 @@ _SEGMENT, _ORNAMENT, _MOVE, _PUSH, _POP = map(int, (
 _CUT, _TURN, _PITCH, _ROLL, _LEVEL = map(int, (Op.CUT, Op.TURN, Op.PITCH, Op.ROLL, Op.LEVEL))
 _ORIENT, _TROPISM, _POLYGON, _VERTEX, _FILL = map(int, (
     Op.ORIENT, Op.TROPISM, Op.POLYGON, Op.VERTEX, Op.FILL))
-_LEAF_OP, _NEXT, _ATTRIBUTE, _RATE = map(int, (
-    Op.LEAF, Op.NEXT_TEXTURE, Op.ATTRIBUTE, Op.RATE))
+_LEAF_OP, _NEXT, _ATTRIBUTE, _RATE, _QUERY = map(int, (
+    Op.LEAF, Op.NEXT_TEXTURE, Op.ATTRIBUTE, Op.RATE, Op.QUERY))
 
 
 # Indices of the counts of filled rows, and the faults that `walk` returns
-SEGMENTS, PIECES, LEAVES, TRIANGLES, CORNERS, POLYGONS = range(6)
+SEGMENTS, PIECES, LEAVES, TRIANGLES, QUERIES, CORNERS, POLYGONS = range(7)
 _UNOPENED, _UNCLOSED, _NO_DIRECTION = 1, 2, 3
 FAULTS = {
     _UNOPENED: 'stands outside a polygon; "{" opens one',
@@ -193,7 +193,7 @@ def _carrier(state, segments):
 
 @subroutine
 def _record(rows, number, state, length, carrier, module):
-    """Write a segment, a boneless segment or a leaf: carrier, module, length, whole state."""
+    """Write a row of a table: carrier, module, length, whole state."""
     rows[number, 0] = carrier
     rows[number, 1] = module
     rows[number, 2] = length
@@ -294,7 +294,7 @@ def _set(state, op, argument, given):
 @subroutine
 def _draw(state, op, argument, given, tables, opened, filled, module):
     """Apply one symbol other than a bracket; return the fault, 0 = none."""
-    segments, pieces, leaves, triangles, vertices, angle = tables
+    segments, pieces, leaves, triangles, queries, vertices, angle = tables
     if op <= _MOVE:
         length = given[0] if len(given) else 1.0
         _move(state, op, length, segments, pieces, vertices, opened, filled, module)
@@ -304,6 +304,10 @@ def _draw(state, op, argument, given, tables, opened, filled, module):
         carrier = _carrier(state, filled[SEGMENTS])
         _record(leaves, filled[LEAVES], state, given[0] * state[_LEAF], carrier, module)
         filled[LEAVES] += 1
+    elif op == _QUERY:
+        carrier = _carrier(state, filled[SEGMENTS])
+        _record(queries, filled[QUERIES], state, 0.0, carrier, module)
+        filled[QUERIES] += 1
     elif op == _POLYGON:
         opened[filled[POLYGONS]] = filled[CORNERS]
         filled[POLYGONS] += 1
@@ -339,7 +343,7 @@ def walk(op, argument, starts, counts, values, state, depth, polygons, tables):
     """
     stack = np.empty((depth, STATE_SIZE))
     opened = np.empty(polygons, np.int64)
-    filled = np.zeros(6, np.int64)
+    filled = np.zeros(7, np.int64)
     level, cut = 0, -1  # cut: level of the branch whose rest is left out
     for i in range(len(op)):
         code = op[i]

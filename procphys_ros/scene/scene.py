@@ -18,17 +18,20 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import logging
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from procphys_ros.appearance.paving import Paving
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.compilation.threads import most_threads
 from procphys_ros.elementary import cos, sin
+from procphys_ros.environment.habitat import Habitat
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.files.file_bounds import named_by
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import product
+from procphys_ros.lsystem import grow, Growth, LSystem
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity
@@ -67,6 +70,15 @@ class SceneObject:
     name: str
     first: int
     count: int
+
+
+class _Sapling(NamedTuple):
+    """A plant that grows among others: its name, its place [m], (3,), and its turn [rad]."""
+
+    name: str
+    position: np.ndarray
+    yaw: float
+    growth: Growth
 
 
 def check_name(name: str) -> None:
@@ -157,8 +169,7 @@ class Scene:
         scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))
         scene.shard = read_shard(parameters)
-        for number, spec in enumerate(specs):
-            scene._add_object(spec, number, beside)
+        scene._add_objects(specs, beside)
         return scene
 
     @property
@@ -228,21 +239,36 @@ class Scene:
         standing, carriers = bear(self._blueprints[names.index(on)], placed, name, on)
         return standing, np.where(carriers < 0, -1, base.first + carriers)
 
-    def _add_object(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
+    def _add_objects(self, specs: Sequence[ObjectSpec], beside: Path | None) -> None:
+        """
+        Build and place all objects.
+
+        Plants that ask where they stand grow among all that is listed before them, and together
+        with those that are listed next to them.
+        """
+        stand: list[_Sapling] = []
+        for number, spec in enumerate(specs):
+            if spec.on and self.shard.count > 1:
+                raise SceneError(f'{spec.name}.on: objects that stand on others cannot be shared '
+                                 f'among nodes; leave shard.count at 1')
+            if spec.grammar.endswith(PLAN):
+                self._grow(stand)
+                self._add_plan(spec, number, beside)
+                continue
+            key = f'{spec.name}.grammar'
+            grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
+                       else parse_grammar(spec.grammar_text, f'{key}_text'))
+            if isinstance(grammar, LSystem) and grammar.asks:
+                stand += self._saplings(spec, number, grammar)
+            else:
+                self._grow(stand)
+                self._add_object(spec, number, grammar)
+        self._grow(stand)
+
+    def _add_object(self, spec: ObjectSpec, number: int, grammar: Grammar) -> None:
         """Build and place all instances of one object; number makes its default seed its own."""
-        key = f'{spec.name}.grammar'
-        if spec.on and self.shard.count > 1:
-            raise SceneError(f'{spec.name}.on: objects that stand on others cannot be shared '
-                             f'among nodes; leave shard.count at 1')
-        if spec.grammar.endswith(PLAN):
-            self._add_plan(spec, number, beside)
-            return
-        grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
-                   else parse_grammar(spec.grammar_text, f'{key}_text'))
-        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+        seed, points, headings = self._spots(spec, number)
         names = spec.instance_names
-        points, headings = places(spec.layout, len(names), spec.spacing,
-                                  np.random.default_rng([seed, number]))
         variants = min(spec.variants or len(names), len(names))
         mine = self.shard.members(self._instances, len(names))
         self._instances += len(names)
@@ -255,12 +281,54 @@ class Scene:
             foreseen = _SMALLEST * len(mine) * grown / len(built)
             check_capacity(self._parts + max(grown, int(foreseen)), self._memory)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
+        for i in mine:
+            self._place(built[i % variants], points[i], headings[i], names[i], spec.on)
+
+    def _spots(self, spec: ObjectSpec, number: int) -> tuple[int, np.ndarray, np.ndarray]:
+        """Return the seed of an object, and positions (N, 3) and headings (N,) of instances."""
+        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+        points, headings = places(spec.layout, len(spec.instance_names), spec.spacing,
+                                  np.random.default_rng([seed, number]))
         turn = np.array([[cos(spec.yaw), sin(spec.yaw)],
                          [-sin(spec.yaw), cos(spec.yaw)]])
-        for i in mine:
-            x, y = product(points[i], turn)
-            position = np.asarray(spec.origin) + np.array([x, y, 0.0])
-            self._place(built[i % variants], position, spec.yaw + headings[i], names[i], spec.on)
+        level = np.column_stack([product(points, turn), np.zeros(len(points))])
+        return seed, np.asarray(spec.origin) + level, spec.yaw + headings
+
+    def _saplings(self, spec: ObjectSpec, number: int, grammar: LSystem) -> list['_Sapling']:
+        """Plant the instances of an object whose grammar asks where they stand."""
+        for key, given in (('on', spec.on), ('variants', spec.variants)):
+            if given:
+                raise SceneError(f'{spec.name}.{key}: plants whose grammar asks where they stand '
+                                 'grow on the ground, each on its own; leave it out')
+        if self.shard.count > 1:
+            raise SceneError(f'{spec.name}.grammar: plants that ask where they stand cannot be '
+                             'shared among nodes; leave shard.count at 1')
+        seed, points, headings = self._spots(spec, number)
+        ground = self.settings.terrain.height(points)
+        self._instances += len(points)
+        return [_Sapling(name, point, float(heading), grammar.plant(
+                    np.concatenate([point[:2], [point[2] + height], rotation.from_yaw(heading)]),
+                    seed + i, spec.numbers))
+                for i, (name, point, heading, height) in enumerate(
+                    zip(spec.instance_names, points, headings, ground))]
+
+    def _grow(self, stand: list['_Sapling']) -> None:
+        """Grow plants together, place them, and clear the list."""
+        if not stand:
+            return
+        trees = self.settings.trees
+        habitat = Habitat(self.blueprint, self.settings.terrain,
+                          np.array(trees.growth_wind), trees.growth_storm,
+                          self.settings.gravity, most_threads(self.settings.threads))
+        with stage('growing objects', f'{len(stand)} that ask where they stand'):
+            grow([sapling.growth for sapling in stand], habitat)
+            for sapling in stand:
+                built = sapling.growth.build()
+                if built is None:
+                    _LOG.warning(f'{sapling.name} has died where it stands: nothing of it is left')
+                else:
+                    self._place(built, sapling.position.tolist(), sapling.yaw, sapling.name)
+        stand.clear()
 
     def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place the houses and trees of a plan, `<name>_house_0` and so on."""

@@ -26,12 +26,22 @@ class TreeSettings:
 
     :ivar contact: whether the wood of standing trees touches; else their crowns pass through each
         other, as branches of one tree always do.
+    :ivar growth_wind: steady wind that bends growing plants, (3,) [m/s], where their grammars ask
+        for sag.
+    :ivar growth_storm: speed of the strongest wind of their lives [m/s], where they ask for load.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     contact: bool = declared(
         False, 'whether the branches of different standing trees touch, instead of passing '
         'through each other')
+
+    growth_wind: tuple[float, ...] = declared(
+        (0.0, 0.0, 0.0), 'steady wind that bends plants while they grow, where their grammars '
+        'ask for sag', 'm/s', -100.0, 100.0)
+    growth_storm: float = declared(
+        20.0, 'strongest wind, from any side, that plants grow for, where their grammars ask for '
+        'load', 'm/s', 0.0, 100.0)
 
     def __post_init__(self) -> None:
         check(self, 'trees')

@@ -66,6 +66,12 @@ layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
 panel brickwork: running
 material brick { tension: 500  cohesion: 500 }
 """}}
+# What asks where it stands grows after the wall.
+_ASKING: dict[str, Any] = {
+    'scene': {'objects': ['wall', 'twig']}, 'wall': _WALL['wall'],
+    'twig': {'origin': [1.0, 1.0, 0.0], 'grammar_text': """
+axiom: F(1) ?P(0, 0, 0) ?E(light; 0) ?E(space; 0) ?E(neighbour; 0) ?E(load; 0, 0) ?E(sag; 0, 0, 0)
+"""}}
 # Both on a hillside, where the wall has footings.
 _HILL: dict[str, Any] = {
     'scene': {'objects': ['wall', 'sapling']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
@@ -125,6 +131,11 @@ def sway() -> None:
     _publish(simulation)
     simulation.set_observer((-8.0, 0.0, 1.0))
     simulation.step(4)
+
+
+def grow_beside() -> None:
+    """Grow a twig that asks everything of its place, beside a wall."""
+    Scene.from_parameters(_ASKING)
 
 
 def break_trees() -> None:
@@ -246,5 +257,5 @@ def _shipped(name: str) -> Simulation:
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
     for scene in (step_trees, pile_up, sway, touch_trees, strike_twig, crack_wall, merge_bricks,
-                  break_trees, wreck_cottage, demolish_on_hill)}
+                  break_trees, grow_beside, wreck_cottage, demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""
