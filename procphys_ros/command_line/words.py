@@ -125,6 +125,12 @@ def _add_loads(group) -> None:
             part.add_argument(axis, type=number, help=f'[{unit}]')
         _vector(part, '--angular', f'about the axes [{unit[0]}·m{unit[1:]}]', (0.0, 0.0, 0.0))
     group.add_parser('clear', help='end all lasting pushes')
+    rotors = group.add_parser('downwash', help="set the thrust of an intruder's rotors, which "
+                              'drive air the other way', epilog='example: command downwash 0 0 20')
+    for axis in 'xyz':
+        rotors.add_argument(axis, type=number, help='[N], in the frame of the intruder')
+    rotors.add_argument('--name', default='', help='of the intruder; that of intruder.* if not '
+                        'given')
     explode = group.add_parser('explode', help='set off a charge',
                                epilog='example: command explode 3 2 0.5 --charge 5')
     for axis in 'xyz':

@@ -124,6 +124,11 @@ def _on_part(topic: str) -> Callable:
     return carry_out
 
 
+def _downwash(remote: Any, said: argparse.Namespace) -> None:
+    remote.push('downwash', said.name, (said.x, said.y, said.z), (0.0, 0.0, 0.0))
+    print(_SENT.format(topic='downwash'))
+
+
 def _explode(remote: Any, said: argparse.Namespace) -> None:
     place = (said.x, said.y, said.z)
     if said.charge is None:
@@ -212,7 +217,7 @@ def _switch(service: str, on: bool) -> Callable:
 _ARGUMENTS = {'position': 'from_'}
 _VERBS: dict[str, Callable] = {
     'wind': _wind, 'impulse': _on_part('impulse'), 'wrench': _on_part('wrench'),
-    'explode': _explode, 'step': _step,
+    'downwash': _downwash, 'explode': _explode, 'step': _step,
     'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
     'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
                                'position', 'velocity'),

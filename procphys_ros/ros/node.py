@@ -102,6 +102,8 @@ class SimNode(Node):
         ~/intruder (geometry_msgs/PoseStamped): next pose of the body of `intruder.*`
         ~/intruders (geometry_msgs/PoseArray): the same for those of `intruders.names`, all at once
         ~/intruders/<name> (geometry_msgs/PoseStamped): the same for one of them
+        ~/downwash (geometry_msgs/WrenchStamped): thrust [N] of the rotors of the intruder
+            header.frame_id ('' = that of `intruder.*`), in its frame
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)

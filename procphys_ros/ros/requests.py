@@ -25,6 +25,7 @@ from procphys_ros.ros.conversions import Act, part_name, Triple
 from procphys_ros.ros.file_access import state_path
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 
@@ -77,6 +78,11 @@ class Requests:
         """Detonate `explosion.charge` at a point [m], (3,)."""
         explosion = Explosion(point, self._parameters['explosion.charge'])
         return lambda: self._session.explode(explosion)
+
+    def drive_rotors(self, name: str, thrust: Triple) -> Act:
+        """Set the thrust on an intruder [N], of a disk of `downwash.radius`."""
+        downwash = self._group('downwash', Downwash)
+        return lambda: self._session.drive_rotors(name, thrust, downwash)
 
     def demolish(self) -> Act:
         """Arm the charges of the `demolition.*` parameters."""

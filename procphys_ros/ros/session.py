@@ -25,6 +25,7 @@ from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
+from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.simulation import readings, Simulation
@@ -156,6 +157,11 @@ class Session:
         """Move an intruder to a pose x y z qx qy qz qw [m], (7,)."""
         self.simulation.place_intruder(pose, name=name)
         return f'{name} to {list(pose[:3])} m'
+
+    def drive_rotors(self, name: str, thrust: Sequence[float], downwash: Downwash) -> str:
+        """Set the thrust on an intruder [N], (3,), in its frame."""
+        self.simulation.set_thrust(thrust, name, downwash.radius)
+        return f'{list(thrust)} N on {name}'
 
     def spawn(self, spawn: Spawn, blueprint: Blueprint) -> str:
         """Add a built object to the scene; after an error the scene is unchanged."""

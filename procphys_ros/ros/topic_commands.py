@@ -69,6 +69,7 @@ class TopicCommands:
                                  ('wrench', WrenchStamped, self._wrench),
                                  ('explosion', PointStamped, self._explosion),
                                  ('observer', PoseStamped, self._observer),
+                                 ('downwash', WrenchStamped, self._downwash),
                                  (INTRUDER, PoseStamped, partial(self._intruder, INTRUDER))):
             self._subscribe(name, kind, read)
         for name in intruders:
@@ -129,6 +130,10 @@ class TopicCommands:
         check_frame(message.header, self._frame)
         place = pose(message.pose)
         return lambda: self._session.look_from(place[:3], place[3:])
+
+    def _downwash(self, message: WrenchStamped) -> Act:
+        name = message.header.frame_id or INTRUDER
+        return self._requests.drive_rotors(name, triple(message.wrench.force, 'thrust'))
 
     def _intruder(self, name: str, message: PoseStamped) -> Act:
         check_frame(message.header, self._frame)

@@ -49,3 +49,20 @@ class IntruderSettings:
     def edges(self) -> np.ndarray:
         """Return the full extents along its axes [m], (3,)."""
         return edges_of('intruder', self.shape, self.size, _LARGEST, SceneError)
+
+
+@dataclass(frozen=True)
+class Downwash:
+    """
+    Jet of air below the rotors of an intruder.
+
+    :ivar radius: of one disk as large as all rotors [m].
+    :raises SceneError: when a value is out of its range; the message names key and range.
+    """
+
+    radius: float = declared(
+        0.3, 'of one disk as large as all rotors of the intruder whose thrust ~/downwash sets',
+        'm', 0.01, 20.0)
+
+    def __post_init__(self) -> None:
+        check(self, 'downwash')

@@ -24,7 +24,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.culling import CullingSettings
-from procphys_ros.scene.intruder import IntruderSettings
+from procphys_ros.scene.intruder import Downwash, IntruderSettings
 from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
@@ -84,6 +84,7 @@ GLOBAL = (
     *parameters(CullingSettings, 'culling', takes_effect='reload'),
     *parameters(IntruderSettings, 'intruder', takes_effect='reload'),
     *parameters(IntrudersSettings, 'intruders', read_only=True),
+    *parameters(Downwash, 'downwash', takes_effect='use'),
     *parameters(TerrainSettings, 'terrain', takes_effect='reload'),
     Parameter('state.file', '', 'that ~/save_state writes and ~/restore_state reads; a mere name '
               'is one in the first of the folders of files.root', takes_effect='use'),

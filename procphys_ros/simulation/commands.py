@@ -29,6 +29,7 @@ from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import short
@@ -216,6 +217,21 @@ class PlaceIntruder:
 
 
 @dataclass(frozen=True)
+class SetThrust:
+    """
+    Let the rotors of an intruder drive a jet of air, until the next such command.
+
+    :ivar thrust: on the intruder [N], (3,), in its own frame; 0 = no jet.
+    :ivar name: of the intruder.
+    :ivar radius: of one disk as large as all its rotors [m].
+    """
+
+    thrust: Sequence[float]
+    name: str = INTRUDER
+    radius: float = Downwash.radius
+
+
+@dataclass(frozen=True)
 class Observe:
     """
     Set the point of view for the schemes of `Settings.culling`.
@@ -330,6 +346,12 @@ def _place_intruder(model: Model, state: State, command: PlaceIntruder) -> None:
     intruder.place(model, state, command.name, pose, time)
 
 
+def _set_thrust(model: Model, state: State, command: SetThrust) -> None:
+    thrust, disk = checked_vector('thrust', command.thrust), Downwash(command.radius).radius
+    own = intruder.named(state, command.name)
+    own.thrust, own.disk = thrust, disk
+
+
 def _observe(model: Model, state: State, command: Observe) -> None:
     place = checked_vector('position of the observer', command.position)
     turn = checked_rotation('orientation of the observer', command.orientation)
@@ -352,7 +374,8 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
-    SetBodyState: _set_body_state, PlaceIntruder: _place_intruder, Observe: _observe,
+    SetBodyState: _set_body_state, PlaceIntruder: _place_intruder, SetThrust: _set_thrust,
+    Observe: _observe,
 }
 
 

@@ -27,6 +27,7 @@ from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import ALIKE
 from procphys_ros.physics.touch import overlap_ball, overlap_box, overlaps
+from procphys_ros.physics.wind.downwash import COLUMNS, jet
 from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.model import Model
@@ -84,8 +85,8 @@ def advance(model: Model, state: State, dt: float) -> None:
 
     Branches and loose bodies are pushed aside with their own masses. Standing bricks resist more,
     the deeper it penetrates, up to their joint strength, and then come out with the bricks ahead
-    of them. Intruders pass through each other. Writes `state.intruders`, bodies and loads;
-    releases.
+    of them. Intruders pass through each other. Writes `state.intruders`, bodies, loads and the
+    jets of the wind; releases.
     """
     world = state.world
     for name, own in state.intruders.items():
@@ -100,6 +101,9 @@ def advance(model: Model, state: State, dt: float) -> None:
             _wake(state, own, velocity, dt)
         if len(model.masonry.bricks):
             _press(model, state, name, velocity, dt)
+    jets = [jet(own.path.pose[:3], rotation.rotate(own.path.pose[3:], own.thrust), own.disk)
+            for own in state.intruders.values() if own.body >= 0 and norm(own.thrust) > 0.0]
+    state.wind.jets = np.array(jets).reshape(-1, COLUMNS)
 
 
 def sum_wrench(model: Model, state: State, dt: float) -> None:

@@ -73,7 +73,7 @@ def step_leaves(model: Model, state: State, dt: float) -> None:
     Trees and flexible branches lose leaves; those of a rigid branch fall with it. Writes
     `state.leaves`, the leaf area of the forest and the drag areas of parts.
     """
-    if model.settings.leaves.shedding and state.wind.enabled and len(model.leaves.queue):
+    if model.settings.leaves.shedding and state.wind.moves and len(model.leaves.queue):
         _tear_off(model, state)
     if len(state.leaves.fallen):
         _fly(model, state, dt)

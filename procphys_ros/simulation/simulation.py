@@ -24,6 +24,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
 from procphys_ros.schema import short
@@ -354,3 +355,15 @@ class Simulation(Readings):
         :raises CommandError: if the pose is invalid, or there is no such intruder.
         """
         self.apply(commands.PlaceIntruder(pose, time, name))
+
+    def set_thrust(self, thrust: Sequence[float], name: str = INTRUDER,
+                   radius: float = Downwash.radius) -> None:
+        """
+        Let the rotors of an intruder drive a jet of air, until this is called again.
+
+        :param thrust: on the intruder [N], (3,), in its own frame; 0 = no jet.
+        :param name: of the intruder.
+        :param radius: of one disk as large as all its rotors [m].
+        :raises CommandError: if a value is out of range, or there is no such intruder.
+        """
+        self.apply(commands.SetThrust(thrust, name, radius))

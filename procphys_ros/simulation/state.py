@@ -181,6 +181,8 @@ class IntruderState:
     :ivar smooth_wrench: the same, low-pass filtered.
     :ivar from_wall: contribution of standing walls in this step, (6,).
     :ivar pressed: its force on them [N].
+    :ivar thrust: of its rotors on it [N], (3,), in its own frame.
+    :ivar disk: radius of the disk that the rotors count as [m].
     """
 
     path: PoseInterpolator = field(default_factory=PoseInterpolator)
@@ -190,6 +192,8 @@ class IntruderState:
     smooth_wrench: np.ndarray = field(default_factory=lambda: np.zeros(6))
     from_wall: np.ndarray = field(default_factory=lambda: np.zeros(6))
     pressed: float = 0.0
+    thrust: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    disk: float = 0.0
 
 
 @dataclass

@@ -251,7 +251,7 @@ class LodScheduler:
     def _wake_in_wind(self, wind: Wind, time: float) -> None:
         """Wake the sleeping trees with wind at their tops or edges."""
         trees = np.flatnonzero(self.asleep)
-        if not len(trees) or not wind.enabled:
+        if not len(trees) or not wind.moves:
             return
         points = self._centre[trees, None] + self._radius[trees, None, None] * _EDGES
         air = wind.velocity(points.reshape(-1, 3), time)

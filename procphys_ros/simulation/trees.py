@@ -60,7 +60,7 @@ def sample_wind(model: Model, state: State, dt: float) -> None:
         trees.chosen = np.zeros(len(trees.lod.held), bool)
         _choose(model, state)
         return
-    trees.still = not state.wind.enabled
+    trees.still = not state.wind.moves
     if not trees.still:
         state.wind.velocity(forest.poses[:, :3], state.time, trees.air, model.threads)
 

@@ -60,7 +60,7 @@ def press_wind(model: Model, state: State, dt: float) -> None:
                 or np.count_nonzero(standing) < (1.0 - _GONE) * len(own.parts))
     if lost:
         _survey(model, state, standing)
-    air = state.wind.velocity(own.tops, state.time)
+    air = state.wind.open_velocity(own.tops, state.time)
     now, before = _pressure(air), _pressure(own.applied)
     if now.max(initial=0.0) < _BREEZE:
         _leave(state)

@@ -244,9 +244,10 @@ def _strike_tree(simulation: Simulation) -> None:
 
 
 def _meddle(simulation: Simulation, steps: int = 40) -> None:
-    """Move an intruder into what is left of the middle part."""
+    """Move an intruder with rotors into what is left of the middle part."""
     x, y, z = simulation.blueprint.poses[len(simulation.blueprint) // 2, :3]
     simulation.place_intruder((x, y, z, 0.0, 0.0, 0.0, 1.0))
+    simulation.set_thrust((0.0, 0.0, 20.0))
     simulation.step(steps)
 
 

@@ -25,7 +25,7 @@ from procphys_ros.compilation import threads as pool
 from procphys_ros.errors import CommandError
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.terrain import FLAT, Terrain
-from procphys_ros.physics.wind import kernel, spectra
+from procphys_ros.physics.wind import downwash, kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
 from procphys_ros.physics.wind.history import History
 from procphys_ros.physics.wind.settings import (
@@ -87,7 +87,8 @@ class Wind:
 
     :ivar settings: the present settings.
     :ivar shelter: trees and buildings that reduce the wind, where the settings enable it.
-    :ivar enabled: False = still air everywhere; eddies and gusts travel on meanwhile.
+    :ivar enabled: False = no mean wind, eddies and gusts, which travel on meanwhile.
+    :ivar jets: of rotors at present, rows of `downwash.jet`, (J, 8).
     """
 
     _terrain: Terrain
@@ -112,6 +113,7 @@ class Wind:
             self._history.follow([row[0] for row in self._record],
                                  [velocity_of(*row[1:]) for row in self._record])
         self._gusts = np.empty((0, kernel.GUST_COLUMNS))
+        self.jets = np.empty((0, downwash.COLUMNS))
 
     def change(self, settings: WindSettings) -> None:
         """
@@ -173,7 +175,7 @@ class Wind:
     def velocity(self, points: np.ndarray, time: float, out: np.ndarray | None = None,
                  threads: int = 1) -> np.ndarray:
         """
-        Return the air velocity at points.
+        Return the air velocity at points, with the jets of rotors.
 
         :param points: (N, 3) [m], world.
         :param time: [s].
@@ -181,6 +183,14 @@ class Wind:
         :param threads: number of threads; results do not depend on it, to the last bit.
         :returns: (N, 3) [m/s], world.
         """
+        out = self.open_velocity(points, time, out, threads)
+        if len(self.jets):
+            downwash.add_jets(np.ascontiguousarray(points, float), out, self.jets)
+        return out
+
+    def open_velocity(self, points: np.ndarray, time: float, out: np.ndarray | None = None,
+                      threads: int = 1) -> np.ndarray:
+        """Return the air velocity without jets of rotors, which only blow close by."""
         return self._at(points, time, out, self.settings.turbulence_intensity, self._gusts,
                         threads)
 
@@ -207,8 +217,13 @@ class Wind:
         return out
 
     def is_still(self, time: float) -> bool:
-        """Return whether the air is still everywhere: no mean wind and no pending gust."""
+        """Return whether there is no mean wind and no pending gust."""
         return not self._blows(time, self._gusts)
+
+    @property
+    def moves(self) -> bool:
+        """Return whether the air may move at all."""
+        return self.enabled or len(self.jets) > 0
 
     def _blows(self, time: float, gusts: np.ndarray) -> bool:
         return self.enabled and (len(gusts) > 0 or any(self._history.velocity(time)))
