@@ -294,6 +294,15 @@ def overlap(simulation: Simulation) -> float:
     return deepest
 
 
+def heap(simulation: Simulation, parts: np.ndarray) -> tuple[float, float]:
+    """Compute the median height of parts over its start, and their share near their plan."""
+    now, before = simulation.poses[parts, :3], simulation.blueprint.poses[parts, :3]
+    there = np.isfinite(now[:, 0])
+    low, high = before[:, :2].min(axis=0) - 4.0, before[:, :2].max(axis=0) + 4.0
+    inside = np.all((now[there, :2] > low) & (now[there, :2] < high), axis=1)
+    return np.median(now[there, 2]) / np.median(before[there, 2]), inside.mean()
+
+
 def largest(simulation: Simulation) -> int:
     """Count the parts of the largest loose piece."""
     return int(simulation.state.bodies.size.max(initial=0))

@@ -229,10 +229,10 @@ def test_what_flies_off_has_the_wave_s_momentum_at_most():
 
 def test_same_blast_gives_the_same_poses():
     """Repeat a blast bit for bit, also after a reset."""
-    simulation, runs = stand((wall(16, 20), (0.0, 0.0, 0.0))), []
+    simulation, runs = stand((wall(10, 14), (0.0, 0.0, 0.0))), []
     for _ in range(2):
-        simulation.explode((1.8, -1.5, 0.8), 2.0)
-        simulation.step(30)
+        simulation.explode((1.2, -1.5, 0.6), 2.0)
+        simulation.step(20)
         runs.append(simulation.poses.copy())
         simulation.reset()
     np.testing.assert_array_equal(*runs)
@@ -266,7 +266,7 @@ def test_a_stronger_charge_tears_more_out_of_a_pier():
     simulation = Simulation(Scene.from_parameters({
         'scene': {'objects': ['bridge']}, 'bridge': {'grammar': 'bridge.wall'}}))
     stones, momentum = [], []
-    for charge in (10.0, 15.0, 20.0, 25.0, 30.0, 60.0, 120.0):
+    for charge in (10.0, 20.0, 30.0, 60.0, 120.0):
         simulation.reset()
         simulation.explode((6.05, -1.0, 0.6), charge)
         simulation.step(1)
@@ -278,7 +278,7 @@ def test_a_stronger_charge_tears_more_out_of_a_pier():
 
 
 @pytest.mark.parametrize(('house', 'half', 'distances', 'defines'), [
-    ('cottage', 4.55, (25.0, 25.3), []), ('terrace', 2.64, (25.0,), ['depth=4.1625'])])
+    ('cottage', 2.53, (25.0, 25.3), ['width=5.0525', 'depth=3.2525']), ('terrace', 2.64, (25.0,), ['depth=4.1625'])])
 def test_brick_houses_near_a_charge_are_demolished(house, half, distances, defines):
     """
     Count the bricks of one storey that come out; a few decimetres matter little.
@@ -321,7 +321,7 @@ def test_panes_break_where_windows_do(pressure, breaks):
 def test_a_blast_tears_the_same_out_of_a_wall_that_is_turned():
     """Compare walls along x, y, and between: those out of line came out in smaller pieces."""
     seen = []
-    for turn in (0.0, 0.5 * np.pi, np.radians(30.0), np.radians(45.0)):
+    for turn in (0.0, 0.5 * np.pi, np.radians(30.0)):
         scene = Scene.from_parameters({'scene': {'objects': []}})
         scene.add(braced(16, 32, 1.5e6), (0.0, 0.0, 0.0), turn, 'wall')
         simulation = Simulation(scene)

@@ -57,10 +57,10 @@ def test_building_stands_within_its_strength(plan):
 
 
 def test_shipped_building_does_not_move_at_all(plan):
-    """Keep every pose to the last bit; the small ones for 90 s, the large ones for 5."""
+    """Keep every pose to the last bit; the small ones for 20 s, the large ones for 2."""
     simulation = standing(plan)
     simulation.set_wind_enabled(False)
-    simulation.step(5400 if len(simulation.poses) < 1000 else 300)
+    simulation.step(1200 if len(simulation.poses) < 1000 else 120)
     assert np.array_equal(simulation.poses, simulation.blueprint.poses)
     assert not simulation.velocities.any() and simulation.bonds_broken == 0
 

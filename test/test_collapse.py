@@ -16,6 +16,7 @@
 
 from dataclasses import replace
 
+from envelopes import energy
 from lowest_points import lowest
 from masonry_walls import bonded, wall
 import numpy as np
@@ -75,25 +76,24 @@ def test_a_piece_breaks_in_a_high_fall_but_not_in_a_low_one():
     """
     piece = wall(5, 6, ground=False, tension=0.4e6, cohesion=0.5e6)
     assert fall(tilted(piece, 0.02), 0.005, 1.0).bonds_broken == 0
-    for height in (2.9, 3.0, 3.1):
-        assert fall(tilted(piece, 0.1), height, 1.5).bonds_broken > 10
+    for height in (2.9, 3.1):
+        assert fall(tilted(piece, 0.1), height, 1.0).bonds_broken > 10
 
 
-def test_a_fall_never_gains_energy():
-    """Let no more than a tenth of the fall's energy come back from bodies that overlapped."""
-    piece = tilted(wall(6, 10, ground=False))
-    simulation = fall(piece, 2.0, 0.0)
-    source, least, start = simulation.blueprint, np.inf, None
-    for _ in range(120):
+@pytest.fixture(scope='module')
+def fallen():
+    """Drop a wall from 2 m and let it come to rest; return it and its energy after each step."""
+    simulation, energies = fall(tilted(wall(6, 10, ground=False)), 2.0, 0.0), []
+    for _ in range(480):
         simulation.step()
-        axes = rotation.to_matrix(simulation.poses[:, 3:])
-        spin = np.einsum('nij,ni->nj', axes, simulation.velocities[:, 3:])
-        energy = (source.mass * (9.81 * simulation.poses[:, 2] + 0.5 * (
-            simulation.velocities[:, :3] ** 2).sum(axis=1))).sum() + 0.5 * (
-                source.inertia * spin ** 2).sum()
-        start = start or energy
-        assert energy < least + 0.1 * start
-        least = min(least, energy)
+        energies.append(energy(simulation))
+    return simulation, np.array(energies)
+
+
+def test_a_fall_never_gains_energy(fallen):
+    """Let no more than a tenth of the fall's energy come back from bodies that overlapped."""
+    _, energies = fallen
+    assert (energies - np.minimum.accumulate(energies)).max() < 0.1 * energies[0]
 
 
 def test_a_split_keeps_momentum_and_every_part_its_velocity():
@@ -201,24 +201,22 @@ def test_weak_joints_of_a_branch_pass_the_screen_of_blows():
     assert len(free.strike(np.arange(len(branch)), wrenches, len(branch)).bonds)
 
 
-def test_debris_comes_to_rest_on_something():
-    """Drop a wall: all of it ends at rest, on the ground, on itself, and not below."""
-    simulation = fall(tilted(wall(6, 10, ground=False)), 1.5, 8.0)
+def test_debris_comes_to_rest_on_something(fallen):
+    """Find all of it at rest in the end, on the ground, on itself, and not below."""
+    simulation, _ = fallen
     assert simulation.awake_bodies == 0
-    bodies = simulation.state.world.bodies
+    world = simulation.state.world
     for body in np.unique(simulation.state.carrier):
-        pieces = simulation.state.world.pieces(int(body))
-        assert lowest(pieces, bodies.poses[body]) > -0.03
-    top = simulation.poses[:, 2].max()
-    assert top < 0.8  # nothing hangs in the air
+        assert lowest(world.pieces(int(body)), world.bodies.poses[body]) > -0.03
+    assert simulation.poses[:, 2].max() < 0.8  # nothing hangs in the air
 
 
 def test_same_fall_twice_and_after_reset():
     """Repeat a fall bit by bit, in a new simulation and after a reset; ids do not grow."""
     piece = tilted(wall(5, 6, ground=False))
-    first, second = fall(piece, 2.0, 1.5), fall(piece, 2.0, 1.5)
-    assert np.array_equal(first.poses, second.poses)
-    steps = round(1.5 / first.time_step)
+    first, second = fall(piece, 2.0, 1.0), fall(piece, 2.0, 1.0)
+    assert first.bonds_broken and np.array_equal(first.poses, second.poses)
+    steps = round(1.0 / first.time_step)
     highest = first.state.carrier.max()
     first.reset()
     first.step(steps)
@@ -226,11 +224,12 @@ def test_same_fall_twice_and_after_reset():
     assert first.state.carrier.max() == highest
 
 
-def test_every_broken_bond_is_told_once():
+def test_every_broken_bond_is_told_once(fallen):
     """Compare the events of a fall with the bonds that are gone."""
-    simulation = fall(tilted(wall(6, 10, ground=False)), 3.0, 2.0)
+    simulation, _ = fallen
     events = simulation.events
     gone = np.flatnonzero(~simulation.state.loose_bonds.graph.alive)
+    assert len(gone) > 10
     assert np.array_equal(np.sort(events['bond']), gone)
     assert set(events['cause']) == {int(Cause.IMPACT)}
     assert (events['load'] > 1.0).all()
@@ -264,8 +263,8 @@ def test_a_heavy_fall_knocks_bricks_out_of_a_wall():
         assert (simulation.bonds_broken > 0) == breaks
 
 
-@pytest.mark.parametrize('engine', installed_engines())
-@pytest.mark.parametrize('height', [0.1, 10.0])
+@pytest.mark.parametrize('engine, height', [
+    (installed_engines()[0], 0.1), (installed_engines()[-1], 10.0)])
 def test_what_falls_goes_through_what_cannot_hold_it(engine, height):
     """Drop 20 t onto the slab of a hall of 11 t: from 10 cm they lie on it, from 10 m below it."""
     scene = Scene(Settings(engine=engine))

@@ -174,7 +174,7 @@ def test_a_tree_felled_onto_another_comes_to_rest():
     forest.release(int(simulation.state.parts.row[1]))
     forest.push(np.array([8]), forest.poses[[8], :3], np.array([[60.0, 0.0, 0.0]]))
     met = 0
-    for _ in range(1200):
+    for _ in range(800):
         simulation.step()
         met += int((simulation.state.contacts.other >= 0).any())
     assert met > 3
@@ -245,7 +245,7 @@ def test_branches_do_not_pass_through_a_wall():
 
 
 @pytest.mark.parametrize(('width', 'length', 'count'), [
-    (0.05, 0.04, 1), (0.1, 0.03, 1), (0.3, 0.04, 3), (0.02, 0.01, 1)])
+    (0.1, 0.03, 1), (0.3, 0.04, 3), (0.02, 0.01, 1)])
 def test_a_stout_foot_turns_as_its_spring_says(width, length, count):
     """Lean a pole on a foot wider than long by torque over stiffness; the ground does not hold."""
     stiffness = 2000.0  # [N·m/rad]

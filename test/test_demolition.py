@@ -140,22 +140,10 @@ def test_a_small_charge_leaves_an_arch():
     """Let a wall span the hole of a charge: nothing but the charge breaks it."""
     simulation = stand(wall(30, 40))
     simulation.demolish(Demolition([0.0], [3.3, 0.0, 0.6], [0.4]))
-    simulation.step(120)
+    simulation.step(60)
     above = np.abs(simulation.blueprint.poses[:, 0] - 3.3) < 0.5
     above &= simulation.blueprint.poses[:, 2] > 2.0
     assert simulation.state.standing[above].all()
-
-
-def test_a_building_without_its_ground_floor_comes_down():
-    """Implode a building by the default plan: its top falls, its roof ends near the ground."""
-    simulation = stand(building(side=12, storeys=1, courses=34, windows=2))
-    top = np.argsort(simulation.poses[:, 2])[-20:]
-    height = simulation.poses[top, 2].mean()
-    assert simulation.demolish() > 4
-    simulation.step(140)  # it lies since twenty
-    there = top[np.isfinite(simulation.poses[top, 0])]
-    assert simulation.poses[there, 2].mean() < height - 1.0
-    assert np.nanmin(simulation.poses[:, 2]) > -0.02
 
 
 def test_default_charges_are_fired_from_the_middle_out():

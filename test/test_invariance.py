@@ -24,7 +24,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition, Projectile
 from procphys_ros.simulation import Cause, Simulation
 
-_PLACES = [(0.0, 0.0, 0), (7.0, -3.0, 0), (0.0, 0.0, 1), (64.0, 5.0, 2), (-12.0, 0.0, 3)]
+_PLACES = [(0.0, 0.0, 0), (7.0, -3.0, 2), (-64.0, 0.0, 3)]
 _SMALL = ('storeys=1', 'width=5.0525', 'depth=3.2525')  # a cottage
 _ROUNDING = 1e-6  # [m] what rounding has become after two seconds: 2e-7 on a twig
 
@@ -118,13 +118,13 @@ def test_what_follows_is_alike_in_extent():
     Contacts in an engine magnify rounding; 134 to 148 joints break in three places.
     """
     broken = []
-    for place in _PLACES[::2]:
+    for place in _PLACES[1:]:
         placed = Placed(*place)
         simulation = placed.build('cottage.wall', defines=_SMALL)
         strike(simulation, placed)
         simulation.step(50)
         broken.append(simulation.bonds_broken)
-    assert np.max(np.abs(broken - np.median(broken))) < 0.2 * np.median(broken) > 10
+    assert np.ptp(broken) < 0.2 * np.median(broken) > 10
 
 
 def test_charges_are_laid_and_fired_alike():
@@ -132,9 +132,10 @@ def test_charges_are_laid_and_fired_alike():
     seen: list[np.ndarray] = []
     for place in _PLACES:
         one = Placed(*place)
-        simulation = one.build('cottage.wall')
+        simulation = one.build('cottage.wall', defines=_SMALL)
         simulation.demolish(Demolition())
-        simulation.step()
+        while not len(simulation.events) and simulation.time < 1.0:
+            simulation.step()
         events = simulation.events
         seen.append(np.sort(events['bond'][events['cause'] == Cause.DEMOLITION]))
     assert len(seen[0]) > 50

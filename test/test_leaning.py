@@ -101,9 +101,9 @@ def _elastica(load: float) -> float:
     return float(1.0 - 2.0 * spread / np.sqrt(load))
 
 
-@pytest.mark.parametrize('speed', [8.0, 16.0])
-def test_trees_begin_where_a_slow_ramp_takes_them(speed: float):
+def test_trees_begin_where_a_slow_ramp_takes_them():
     """Compare all joints with those after a wind that came up in 15 s and blew for as long."""
+    speed = 16.0
     scene = {'objects': list(_SPECIES)}
     fresh = _stand(5, speed)
     ramp = _stand(5, 0.0,
@@ -121,12 +121,12 @@ def test_trees_begin_where_a_slow_ramp_takes_them(speed: float):
 
 
 def test_nothing_moves_in_an_even_wind():
-    """Let an even wind blow for two seconds: all stay where they began, and no joint breaks."""
+    """Let an even wind blow for a second: all stay where they began, and no joint breaks."""
     simulation = _stand(25, 16.0)
     before = simulation.poses.copy()
     assert not simulation.velocities.any()
     assert np.abs(before - simulation.blueprint.poses)[:, :3].max() > 1.0
-    simulation.step(120)
+    simulation.step(60)
     assert np.abs(simulation.poses - before)[:, :3].max() < 1e-3
     assert not simulation.bonds_broken
 
@@ -176,7 +176,7 @@ def test_what_the_mean_wind_breaks_breaks_at_once():
     simulation = _stand(10, 45.0)
     simulation.step(6)
     assert simulation.bonds_broken > 10
-    simulation.step(120)
+    simulation.step(30)
     assert np.isfinite(simulation.poses).all()
 
 

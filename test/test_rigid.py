@@ -116,7 +116,7 @@ def nearest(one, two, rng):
 def test_gaps_are_those_of_the_best_of_many_directions(kinds):
     """Place boxes at random, as boxes and as hexahedra: no direction separates them more."""
     rng, seen = np.random.default_rng(3), 0
-    for _ in range(60):
+    for _ in range(40):
         sizes = rng.uniform(0.05, 0.4, (2, 3))
         pieces, table = two_pieces(kinds, sizes, draw_poses(rng, 0.12))
         rows = touching(pieces, table)
@@ -128,7 +128,7 @@ def test_gaps_are_those_of_the_best_of_many_directions(kinds):
         np.testing.assert_allclose(np.linalg.norm(rows.normal, axis=1), 1.0, atol=1e-9)
         assert len(rows.gap) <= 4
         seen += 1
-    assert seen > 20
+    assert seen > 15
 
 
 @pytest.mark.parametrize('ridge', [1.0, 0.6, 0.0])
@@ -191,15 +191,15 @@ def test_corbels_stand_up_to_their_limit(count, share, stands):
     assert (np.abs(table.poses[ids, :3] - places).max() < 1e-3) == stands
 
 
-@pytest.mark.parametrize(('mass', 'height'), [(10e3, 4), (40e3, 4)])
-def test_slabs_lie_on_loose_posts(mass, height):
-    """Lay a slab on 49 posts of loose bricks, up to 15,000 times as heavy as one: it stays."""
+def test_slabs_lie_on_loose_posts():
+    """Lay a slab on 49 posts of loose bricks, 15,000 times as heavy as one: it stays."""
+    mass, height = 40e3, 4
     places = [(0.5 * i, 0.5 * j, BRICK[2] * (k + 0.5))
               for i in range(7) for j in range(7) for k in range(height)]
     sizes = [BRICK] * len(places) + [[4.0, 4.0, 0.2]]
     places.append((1.5, 1.5, BRICK[2] * height + 0.1))
     table, ids, engine = bodies(places, sizes, [2.6] * (len(places) - 1) + [mass])
-    run(engine, 2.0)
+    run(engine, 1.0)
     assert np.abs(table.poses[ids, :3] - places).max() < 5e-4  # 0.04 mm
 
 
@@ -272,7 +272,7 @@ def test_dominoes_fall_one_by_one(time_step):
 
 
 def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
-    """Tumble for 10 s in free fall."""
+    """Tumble for 3 s in free fall."""
     table, ids, engine = bodies([(0.0, 0.0, 5.0)], [[0.3, 0.2, 0.05]], [2.6], gravity=np.zeros(3))
     table.velocities[ids[0], 3:] = [0.01, 10.0, 0.0]
     inertia = box_inertia(np.array([2.6]), np.array([[0.3, 0.2, 0.05]]))[0]
@@ -282,8 +282,8 @@ def test_a_spin_about_the_middle_axis_keeps_energy_and_momentum():
                                table.velocities[ids[0], 3:])
         return np.array([inertia @ spin ** 2, np.linalg.norm(inertia * spin)])
     before = motion()
-    run(engine, 10.0)
-    np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=1e-3)
+    run(engine, 3.0)
+    np.testing.assert_allclose(motion() / before, [1.0, 1.0], atol=3e-4)
 
 
 @pytest.mark.parametrize('order', [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
@@ -328,7 +328,7 @@ def test_a_heap_falls_lands_and_keeps_its_books():
 
 
 def test_threads_change_no_bit(monkeypatch):
-    """Let heaps beside each other fall, in islands of all sizes, with 1, 2 and 5 threads."""
+    """Let heaps beside each other fall, in islands of all sizes, with one thread and with five."""
     monkeypatch.setattr('procphys_ros.physics.world.native._WORTH', 100.0)
     monkeypatch.setattr('procphys_ros.compilation.threads._WORTH', 10)
 
@@ -344,10 +344,8 @@ def test_threads_change_no_bit(monkeypatch):
         for _ in range(60):
             engine.step(DT)
         return table.poses[ids], engine.contacts()
-    alone = fall(1)
-    for threads in (2, 5):
-        for one, other in zip(alone, fall(threads)):
-            np.testing.assert_array_equal(one, other)
+    for one, other in zip(fall(1), fall(5)):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_only_the_outermost_points_of_a_plane_count():
@@ -611,8 +609,7 @@ def off_surface(pieces, rows):
     return worst
 
 
-@pytest.mark.parametrize('length', [0.3, 6.0])
-@pytest.mark.parametrize('ridge', [1.0, 0.6, 0.0])
+@pytest.mark.parametrize(('ridge', 'length'), [(1.0, 0.3), (0.6, 6.0), (0.0, 6.0)])
 def test_poles_inside_of_solids_leave_them_by_the_shortest_way(ridge, length):
     """Run poles through boxes, voussoirs and prisms: no direction lets them out sooner."""
     rng, inside = np.random.default_rng(9), 0

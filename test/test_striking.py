@@ -139,8 +139,8 @@ def test_a_slow_ball_bounces_off():
     assert simulation.state.solver.converged  # rocking ends, and what was pulled apart closes
 
 
-@pytest.mark.parametrize('engine', installed_engines())
-@pytest.mark.parametrize('time_step', [1.0 / 60.0, 1.0 / 20.0])
+@pytest.mark.parametrize(('engine', 'time_step'), [
+    (installed_engines()[0], 1.0 / 60.0), (installed_engines()[-1], 1.0 / 20.0)])
 def test_a_bounce_takes_no_time(engine, time_step):
     """Throw balls at a wall, to bounce early and late in a step: none flies on for longer."""
     late = []
@@ -173,8 +173,8 @@ def test_a_fast_ball_goes_through_and_comes_out_slower():
     assert (events['load'][events['cause'] == Cause.IMPACT] > 1.0).all()
 
 
-@pytest.mark.parametrize('speed', [2.0, 3.0])
-@pytest.mark.parametrize('engine', installed_engines())
+@pytest.mark.parametrize(('engine', 'speed'), [
+    (installed_engines()[0], 2.0), (installed_engines()[-1], 3.0)])
 def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(engine, speed,
                                                                               monkeypatch):
     """
@@ -206,8 +206,7 @@ def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(en
 
 
 @pytest.mark.parametrize(('mass', 'speed', 'size'), [
-    (7.0, 75.0, 0.12), (20.0, 20.0, 0.3), (42.0, 33.0, 0.3), (250.0, 18.0, 0.5),
-    (1500.0, 4.0, 0.8), (2000.0, 10.0, 1.0)])
+    (7.0, 75.0, 0.12), (42.0, 33.0, 0.3), (1500.0, 4.0, 0.8)])
 def test_contacts_tell_what_they_gave(mass, speed, size, monkeypatch):
     """
     Throw balls through a wall: no momentum is lost on the way, level and along the throw.
@@ -294,8 +293,8 @@ def test_the_work_of_fracture_slows_what_goes_through():
     assert first.lost[1] == pytest.approx(200.0 * (10.0 - left), rel=0.01)
 
 
-@pytest.mark.parametrize('height', [0.5, 0.86, 0.895, 1.2])
-@pytest.mark.parametrize('speed', [100.0, 390.0])
+@pytest.mark.parametrize(('height', 'speed'), [
+    (0.5, 390.0), (0.86, 100.0), (0.895, 390.0)])
 def test_nothing_tunnels_through_a_wall(height, speed):
     """Stop or strike a pebble wherever it comes, joints included, whatever its phase."""
     simulation = stand(wall(12, 24))

@@ -36,9 +36,15 @@ def _settings(**changes):
 
 
 @pytest.fixture(scope='module', params=['kaimal', 'von_karman'])
-def wind(request):
+def either(request):
     """Set up a wind along x with each spectrum."""
     return Wind(_settings(spectrum=request.param), SEED)
+
+
+@pytest.fixture(scope='module')
+def wind():
+    """Set up a wind along x."""
+    return Wind(_settings(), SEED)
 
 
 @pytest.fixture
@@ -58,8 +64,9 @@ def _scattered(count, seed=0):
 
 
 @pytest.mark.report('nature')
-def test_variance_is_that_of_the_settings(wind, measured):
+def test_variance_is_that_of_the_settings(either, measured):
     """Compare the standard deviations with TI·U times the IEC ratios."""
+    wind = either
     found = _records(wind, _scattered(4000), np.arange(0.0, 400.0, 7.3)).std(axis=(0, 1))
     wanted = INTENSITY * SPEED * np.array(RATIOS[wind.settings.spectrum])
     for axis, got, expected in zip(('along', 'across', 'up'), found, wanted):
@@ -79,15 +86,15 @@ def test_variance_does_not_depend_on_the_place_in_a_cell(wind):
 
 
 @pytest.mark.report('nature')
-def test_spectrum_at_a_point_is_the_target(wind, measured):
+def test_spectrum_at_a_point_is_the_target(either, measured):
     """
     Compare spectra of time series, averaged over places, with the target band by band.
 
     Bands reach from 0.02 Hz to 8 Hz, wavelengths of 500 m to 1.25 m at 10 m/s; the finest waves of
     the grid are 1 m long, and what is finer still is shared out over those below 31 m (0.32 Hz).
     """
-    rate = 20.0
-    records = _records(wind, _scattered(300), np.arange(0.0, 400.0, 1.0 / rate))
+    wind, rate = either, 20.0
+    records = _records(wind, _scattered(150), np.arange(0.0, 400.0, 1.0 / rate))
     frequency, found = signal.welch(records, rate, nperseg=4000, axis=0)
     target = spectra.make(wind.settings.spectrum, 10.0)
     for component in range(3):
@@ -130,7 +137,7 @@ def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):
 
 
 @pytest.mark.parametrize(('axis', 'distance', 'tolerance'), [
-    (1, 2.0, 0.16), (2, 4.0, 0.13), (1, 8.0, 0.09), (2, 16.0, 0.07)])
+    (1, 2.0, 0.16), (2, 16.0, 0.07)])
 def test_coherence_anywhere_is_near_that_of_the_standard(wind, axis, distance, tolerance):
     """Allow for interpolation, which makes places within a cell somewhat too much alike."""
     _assert_coherence(wind, _scattered(200), axis, distance, tolerance)

@@ -45,10 +45,11 @@ def lowest_corner(frame, local):
     return (frame[2] + local[:, :3] @ axes[2] - 0.5 * down @ BRICK).min()
 
 
-@pytest.mark.parametrize(('engine', 'courses', 'tolerance'), [
-    *(('native', courses, LEVELLED) for courses in (2, 6, 20)),
-    *((engine, 6, LEVEL) for engine in installed_engines())])
-@pytest.mark.parametrize('tilt', [0.0, 0.4, 1.2, 0.5 * np.pi, 2.0, -0.5 * np.pi])
+@pytest.mark.parametrize(('engine', 'courses', 'tolerance', 'tilt'), [
+    *(('native', courses, LEVELLED, tilt) for courses, tilt in (
+        (2, 0.4), (2, -0.5 * np.pi), (6, 0.0), (6, 1.2), (6, -0.5 * np.pi), (20, 0.5 * np.pi),
+        (20, 2.0))),
+    *((engine, 6, LEVEL, tilt) for engine in installed_engines() for tilt in (0.4, 0.5 * np.pi))])
 def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, engine, courses, tolerance):
     """
     Drop a broken wall on its toothed edge: no corner sinks in, and none is thrown up.
@@ -137,7 +138,7 @@ def test_the_end_of_a_turning_rod_does_not_dig_into_the_ground(engine):
     """Let rods turn while they slide or fall: no end digs in, none gains energy."""
     size, mass, rng = np.array([0.1, 0.1, 4.0]), 20.0, np.random.default_rng(2)
     inertia = np.array([mass * 16.0 / 12.0, mass * 16.0 / 12.0, mass * 0.1 ** 2 / 8.0])
-    for _ in range(6):
+    for _ in range(3):
         turn = rotation.from_axis_angle(np.array([0, 1.0, 0]), np.array(rng.uniform(0.8, 1.5)))
         with World(engine=engine) as world:
             rod = world.add_body(Shape.CAPSULE, size, mass, at(0, 0, 1.6, turn),
