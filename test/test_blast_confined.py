@@ -70,7 +70,7 @@ def passage(rng):
     return half, depth, (jamb * [-1, 1, 1], size), (jamb, size), ceiling
 
 
-@pytest.mark.parametrize('seed', range(10))
+@pytest.mark.parametrize('seed', range(5))
 def test_a_passage_takes_no_load_off_its_walls(seed):
     """Compare a wall alone with the same one in a passage, without and with a ceiling."""
     rng = np.random.default_rng(seed)
@@ -92,7 +92,7 @@ def test_a_charge_between_two_jambs_pushes_both_alike_wherever_it_is_along_them(
     simulation = stand(WallGrammar.parse(GATE).build())
     x = simulation.blueprint.poses[:, 0]
     found = np.array([[np.abs(impulses(simulation, (4.5, y, 1.0))[side, 0]).sum()
-                       for side in (x < 3.2, x > 5.8)] for y in (0.1, 0.2, 0.299, 0.3, 0.4, 0.5)])
+                       for side in (x < 3.2, x > 5.8)] for y in (0.1, 0.299, 0.3, 0.5)])
     assert_allclose(found[:, 0], found[:, 1], rtol=0.03)
     assert found.max() < 1.15 * found.min()
 
@@ -111,7 +111,7 @@ def test_a_charge_in_a_gateway_brings_it_down():
     simulation = stand(WallGrammar.parse(GATE).build())
     start = simulation.poses[:, :3].copy()
     simulation.explode((4.5, 0.3, 1.0), 30.0)
-    simulation.step(60)
+    simulation.step(30)
     moved = np.linalg.norm(simulation.poses[:len(start), :3] - start, axis=1) > 0.1
     assert moved.sum() > 40
     assert all(moved[side].any() for side in (start[:, 0] < 4.0, start[:, 0] > 5.0))

@@ -19,8 +19,8 @@ import pytest
 from random_changes import faults
 
 
-@pytest.mark.parametrize('seed', [2, 6, 7, 8])
+@pytest.mark.parametrize('seed', [2, 6, 7])
 def test_random_changes_leave_everything_finite_and_repeatable(seed):
-    """Let 24 steps pass in a scene that changes, half of them twice from a saved state."""
-    found = list(faults(seed, 24))
+    """Let 40 steps pass in a scene that changes, half of them twice from a saved state."""
+    found = list(faults(seed))
     assert not found, '\n'.join(found)

@@ -52,7 +52,7 @@ def _sag(segments: int) -> float:
     """Pull the tip of a beam aside with 20 N until it is at rest; return its displacement [m]."""
     forest, last = Forest(beam(segments, damping_ratio=0.7), gravity=_NO_WEIGHT), segments - 1
     end = [0.0, 0.0, LENGTH]
-    for _ in range(2000):
+    for _ in range(1200):
         forest.apply_impulse(last, end, (20.0 / 60.0, 0.0, 0.0))
         forest.step(1.0 / 60.0)
         end = 2.0 * forest.poses[last, :3] - forest.poses[last - 1, :3]
@@ -81,9 +81,9 @@ def test_sag_converges_with_the_square_of_the_segments(measured):
 
 
 @pytest.mark.report('laws')
-@pytest.mark.parametrize('segments, tolerance', [(10, 0.006), (20, 0.002)])
-def test_first_frequency_is_that_of_the_beam(segments: int, tolerance: float, measured):
-    """Expect the Euler-Bernoulli frequency within half a percent from ten segments."""
+def test_first_frequency_is_that_of_the_beam(measured):
+    """Expect the Euler-Bernoulli frequency within a fifth of a percent from twenty segments."""
+    segments, tolerance = 20, 0.002
     dt = 1.0 / 600.0
     forest = Forest(beam(segments, damping_ratio=0.02), gravity=_NO_WEIGHT, air_density=0.0)
     times, _ = _peaks(_swing_freely(forest, dt, 3000), dt)
@@ -120,30 +120,29 @@ def _frequency(path: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize('frequency, tolerance', [
-    (0.3, 0.1), (1.0, 0.1), (3.0, 0.1), (6.0, 0.1), (10.0, 0.25)])
-@pytest.mark.parametrize('ratio', [0.02, 0.05, 0.1])
+    (1.0, 0.1), (6.0, 0.1), (10.0, 0.25)])
+@pytest.mark.parametrize('ratio', [0.02, 0.1])
 @pytest.mark.report('laws')
 def test_damping_ratio_is_what_was_asked(frequency: float, ratio: float, tolerance: float,
                                          measured):
     """Expect the energy to fall by exp(-4π·ζ) in each cycle at 60 Hz, whatever the frequency."""
     path, energy = _sway(_pole(frequency, ratio), 12.0 / frequency).T
     decay = -np.polyfit(np.arange(len(energy)) / 60.0, np.log(energy), 1)[0]
-    measured('damping ratio of a pole at 60 steps per second, 0.3 to 10 Hz',
+    measured('damping ratio of a pole at 60 steps per second, 1 to 10 Hz',
              decay / (4.0 * np.pi * _frequency(path)), ratio, rtol=tolerance)
 
 
 @pytest.mark.parametrize('frequency, tolerance', [
-    (0.3, 0.01), (1.0, 0.01), (3.0, 0.01), (6.0, 0.04), (10.0, 0.08)])
+    (1.0, 0.01), (3.0, 0.01), (10.0, 0.08)])
 @pytest.mark.report('laws')
 def test_frequency_is_that_of_the_spring(frequency: float, tolerance: float, measured):
     """Expect the trapezoidal rule's own error and no more, (ω·dt)²/12 below."""
     path = _sway(_pole(frequency, 0.0), 21.0 / frequency)[:, 0]
-    measured('frequency of a pole at 60 steps per second, 0.3 to 10 Hz', _frequency(path),
+    measured('frequency of a pole at 60 steps per second, 1 to 10 Hz', _frequency(path),
              frequency, 'Hz', rtol=tolerance)
 
 
-@pytest.mark.parametrize('frequency', [0.3, 1.0, 2.0])
-@pytest.mark.parametrize('segments', [1, 10])
+@pytest.mark.parametrize('frequency, segments', [(1.0, 1), (0.3, 10), (2.0, 10)])
 def test_undamped_sway_goes_on(frequency: float, segments: int):
     """Expect 95 % of the energy after 30 s, of one joint and of a whole pole, with weight."""
     if segments == 1:
@@ -186,10 +185,10 @@ def test_steps_converge_with_their_square(measured):
 
 def test_weight_of_what_hangs_stiffens_and_thins_the_damping():
     """Expect ζ·ω to stay as the pull of gravity adds to the spring of a single joint."""
-    dt, found = 1.0 / 2400.0, []  # short, lest the time step's own damping shows
+    dt, found = 1.0 / 1200.0, []  # short, lest the time step's own damping shows
     for pull in (0.0, 600.0):  # [m/s²] upwards, the way the beam points
         forest = Forest(beam(1, damping_ratio=0.05), gravity=(0.0, 0.0, pull), air_density=0.0)
-        times, heights = _peaks(_swing_freely(forest, dt, 7200), dt)
+        times, heights = _peaks(_swing_freely(forest, dt, 3600), dt)
         decrement = np.log(heights[:-1] / heights[1:])[:5].mean()
         found.append((2.0 * np.pi / np.diff(times).mean(),
                       decrement / np.hypot(2.0 * np.pi, decrement)))

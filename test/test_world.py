@@ -261,14 +261,14 @@ def test_two_worlds_do_not_disturb_each_other(engine):
 
 @engines
 def test_same_calls_give_identical_poses(engine):
-    """Drop 40 bricks on each other twice."""
+    """Drop 20 bricks on each other twice."""
     def pile():
         rng = np.random.default_rng(5)
         with World(engine=engine) as world:
             ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
                                   at(*rng.uniform(-0.2, 0.2, 2), 0.2 + 0.1 * i))
-                   for i in range(40)]
-            run(world, 3.0)
+                   for i in range(20)]
+            run(world, 1.5)
             return world.poses(ids).copy()
     np.testing.assert_array_equal(pile(), pile())
 

@@ -244,16 +244,16 @@ def test_toppling_slab_is_not_taken_for_one_at_rest(engine):
 
 @engines
 def test_nothing_ends_below_the_ground(engine):
-    """Rain 200 bricks, and shoot 40 small balls down at 60 m/s; CCD and the lift hold them."""
+    """Rain 60 bricks, and shoot 20 small balls down at 60 m/s; CCD and the lift hold them."""
     rng = np.random.default_rng(6)
     with World(engine=engine) as world:
         ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
-                              at(*rng.uniform(-1, 1, 2), 0.5 + 0.02 * i)) for i in range(200)]
+                              at(*rng.uniform(-1, 1, 2), 0.5 + 0.06 * i)) for i in range(60)]
         ids += [world.add_projectile(Shape.CAPSULE, np.full(3, 0.06), 0.2,
                                      at(*rng.uniform(2, 4, 2), 5.0), [0, 0, -60, 0, 0, 0])
-                for _ in range(40)]
+                for _ in range(20)]
         lowest = np.inf
-        for _ in range(240):
+        for _ in range(150):
             world.step(DT)
             lowest = min(lowest, float(world.poses(ids)[:, 2].min()))
         assert lowest > 0.0
@@ -347,17 +347,17 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
 
 
 def test_a_heap_comes_to_rest():
-    """Drop 1,000 bricks, turned at random: all sleep before 6 s are over, and hardly overlap."""
+    """Drop 300 bricks, turned at random: all sleep before 5 s are over, and hardly overlap."""
     rng = np.random.default_rng(3)
-    row = np.arange(1000)
-    places = np.column_stack([row % 8, row // 8 % 8, row // 64]) * [0.28, 0.28, 0.22] + [0, 0, 0.3]
-    turns = rng.normal(size=(1000, 4))
+    row = np.arange(300)
+    places = np.column_stack([row % 5, row // 5 % 5, row // 25]) * [0.28, 0.28, 0.22] + [0, 0, 0.3]
+    turns = rng.normal(size=(300, 4))
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     with World(engine='native') as world:
-        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (1000, 1)),
-                               np.full(1000, BRICK_MASS))
+        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (300, 1)),
+                               np.full(300, BRICK_MASS))
         world.thaw(ids)
-        for _ in range(360):
+        for _ in range(300):
             world.step(DT)
             if not len(world.awake):
                 break
@@ -396,8 +396,7 @@ def test_a_ball_that_spins_where_it_lies_stops_by_the_moment_of_its_weight():
         assert abs(world.velocities([ball])[0, 5]) < 1e-3
 
 
-@pytest.mark.parametrize('lean', [0.0, 0.05, 0.3])
-@pytest.mark.parametrize('into', [0.003, 0.02])
+@pytest.mark.parametrize(('lean', 'into'), [(0.0, 0.003), (0.05, 0.02), (0.3, 0.02)])
 def test_what_is_wedged_in_is_not_thrown_out(lean, into):
     """Press a brick between two plates of one body, both of which it overlaps: it creeps out."""
     axis, size = np.array([1.0, 0.0, 0.0]), np.array([0.5, 0.05, 0.3])

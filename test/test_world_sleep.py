@@ -43,8 +43,8 @@ def column(world, x, count):
 
 
 def test_dominoes_that_sleep_all_fall():
-    """Push the first of forty that have come to rest, in rows that run along and askew."""
-    count, height, pitch = 40, 0.24, 0.13
+    """Push the first of twenty that have come to rest, in rows that run along and askew."""
+    count, height, pitch = 20, 0.24, 0.13
     for heading in (0.0, 0.6):
         way = np.array([np.cos(heading), np.sin(heading), 0.0])
         turn = (0.0, 0.0, np.sin(0.5 * heading), np.cos(0.5 * heading))
