@@ -114,7 +114,7 @@ def gaps(world):
     *((JointKind.HINGE, step) for step in STEPS), (JointKind.BALL, 1.0 / 60.0)])
 def test_a_rod_swings_as_a_compound_pendulum(kind, time_step):
     """Keep its period, its energy, and its point; what may be lost goes by the swings."""
-    angle, swings = 0.5, 5 if time_step > 0.01 else 2
+    angle, swings = 0.5, 3 if time_step > 0.01 else 2
     world, body = pendulum(kind, angle)
     inertia = 2.0 * (1.0 + 0.05 ** 2) / 12.0 + 2.0 * 0.25
     period = 4.0 * np.sqrt(inertia / (2.0 * G * 0.5)) * ellipk(np.sin(0.5 * angle) ** 2)
@@ -128,8 +128,7 @@ def test_a_rod_swings_as_a_compound_pendulum(kind, time_step):
     assert told[:, 2].max() < 1e-5
 
 
-@pytest.mark.parametrize('time_step', STEPS)
-def test_a_double_pendulum_keeps_its_energy(time_step):
+def test_a_double_pendulum_keeps_its_energy(time_step=1.0 / 30.0):
     """Let two rods fall from the horizontal; what may be lost goes by the time."""
     world = World(engine='native')
     ids = np.array([bar(world, [0.5, 0.0, 5.0]), bar(world, [1.5, 0.0, 5.0], mass=2.0)])
@@ -184,9 +183,9 @@ def test_a_hinge_rests_against_its_limit(time_step):
                                [0.0, -2.0 * G * 0.5 * np.cos(limit), 0.0], rtol=5e-3, atol=1e-2)
 
 
-@pytest.mark.parametrize('time_step', STEPS)
-@pytest.mark.parametrize('damping', [0.0, 0.05])
-@pytest.mark.parametrize('kind', [JointKind.HINGE, JointKind.SLIDER])
+@pytest.mark.parametrize('kind, damping, time_step', [
+    (JointKind.HINGE, 0.0, STEPS[0]), (JointKind.HINGE, 0.05, STEPS[1]),
+    (JointKind.SLIDER, 0.05, STEPS[0]), (JointKind.SLIDER, 0.0, STEPS[1])])
 def test_a_spring_swings_with_its_period(kind, damping, time_step):
     """Compare period and decay; damping is a share of the critical one."""
     world = World(engine='native', gravity=(0.0, 0.0, 0.0))
@@ -256,8 +255,7 @@ def test_equal_limits_lock_a_joint_both_ways(kind, blow):
     np.testing.assert_allclose(moved[:, :3], [[0.5, 0.0, 5.0]] * 6, atol=1e-12)
 
 
-@pytest.mark.parametrize('time_step', STEPS)
-def test_a_ball_joint_lets_a_pendulum_go_round_a_cone(time_step):
+def test_a_ball_joint_lets_a_pendulum_go_round_a_cone(time_step=1.0 / 30.0):
     """Throw a small heavy ball aside; it stays at its height."""
     world = World(engine='native')
     length, angle = 1.0, 0.6
@@ -292,8 +290,7 @@ def test_a_rope_is_slack_and_then_taut(time_step):
     assert told[-1].tolist() == pytest.approx([4.0, 2.0 * G], abs=1e-3)
 
 
-@pytest.mark.parametrize('time_step', STEPS)
-def test_a_block_on_a_rope_swings(time_step):
+def test_a_block_on_a_rope_swings(time_step=1.0 / 30.0):
     """Compare the period with that of a mathematical pendulum; nothing is lost."""
     world = World(engine='native')
     length, angle = 2.0, 0.4
@@ -311,13 +308,12 @@ def test_a_block_on_a_rope_swings(time_step):
 
 
 @pytest.mark.parametrize('kind, ratio', [
-    (JointKind.BALL, 1.0), (JointKind.BALL, 100.0), (JointKind.BALL, 1e4),
-    (JointKind.HINGE, 100.0)])
+    (JointKind.BALL, 1.0), (JointKind.BALL, 1e4), (JointKind.HINGE, 100.0)])
 def test_a_chain_does_not_stretch(kind, ratio):
     """Let twenty links with a block at the end swing down from the horizontal."""
     world = World(engine='native')
     ids, joints = chain(world, 20, 0.1 * ratio, kind)
-    told = run(world, 2.0, 1.0 / 60.0,
+    told = run(world, 1.5, 1.0 / 60.0,
                lambda: (gaps(world).sum(), world.bodies.poses[ids[-1], 2]))
     assert told[:, 0].max() < 1e-3 * 4.0
     assert told[:, 1].min() < 10.0 - 3.8

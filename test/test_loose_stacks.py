@@ -48,23 +48,6 @@ def moved(world, ids, seconds):
     return np.linalg.norm(world.poses(ids)[:, :3] - start, axis=1).max()
 
 
-def corbel(engine, count, share):
-    """Stack bricks over the end of a fixed one, each out by a share of L / 2k; see how they go."""
-    with World(engine=engine) as world:
-        world.add_bricks(at(0, 0, 0.5 * BRICK[2])[None], BRICK[None], np.array([BRICK_MASS]))
-        out = share * 0.5 * BRICK[0] * np.cumsum(1.0 / np.arange(count, 0, -1))
-        ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(x, 0, (i + 1.5) * BRICK[2]))
-               for i, x in enumerate(out)]
-        return moved(world, ids, 2.0)
-
-
-@exact
-def test_corbels_stand_up_to_their_limit(engine, count=8):
-    """Stack corbels at 0.95 and 1.03 of L / 2 · (1 + 1/2 + … + 1/n)."""
-    assert corbel(engine, count, 0.95) < 0.005
-    assert corbel(engine, count, 1.03) > 0.1
-
-
 def voussoir(low, high, inner, outer, width):
     """Compute corners in its own frame (24,), size, centre (2,), area and lean of a voussoir."""
     points = np.array([[radius * np.cos(angle), radius * np.sin(angle)]

@@ -198,7 +198,7 @@ def test_solid_inertia_of_sphere_and_rod():
 
 
 @pytest.mark.report('laws')
-@pytest.mark.parametrize('angle', [20.0, 28.0, 36.0, 45.0])
+@pytest.mark.parametrize('angle', [28.0, 36.0])
 @engines
 def test_friction_holds_or_slides_as_coulomb_says(angle, measured, engine):
     """Tilt gravity: below atan μ a brick stays, above it slides with g (sin - μ cos)."""
@@ -216,7 +216,7 @@ def test_friction_holds_or_slides_as_coulomb_says(angle, measured, engine):
                  'm/s', atol=0.01)
     else:
         felt = (np.sin(tilt) - gain / G) / np.cos(tilt)
-        measured('friction of a block that slides at 36° and 45°', felt, friction, rtol=0.04)
+        measured('friction of a block that slides at 36°', felt, friction, rtol=0.04)
 
 
 def test_lowest_point_of_a_compound_is_that_of_its_corners():
