@@ -278,7 +278,8 @@ def test_a_stronger_charge_tears_more_out_of_a_pier():
 
 
 @pytest.mark.parametrize(('house', 'half', 'distances', 'defines'), [
-    ('cottage', 2.53, (25.0, 25.3), ['width=5.0525', 'depth=3.2525']), ('terrace', 2.64, (25.0,), ['depth=4.1625'])])
+    ('cottage', 2.53, (25.0, 25.3), ['width=5.0525', 'depth=3.2525']),
+    ('terrace', 2.64, (25.0,), ['depth=4.1625'])])
 def test_brick_houses_near_a_charge_are_demolished(house, half, distances, defines):
     """
     Count the bricks of one storey that come out; a few decimetres matter little.
