@@ -40,8 +40,7 @@ def pushed(tension=0.0, length=8):
     return simulation, push
 
 
-@pytest.mark.parametrize('share', [0.5, 0.9])
-def test_a_dry_wall_pushed_to_and_fro_and_let_go_stands_closed(share):
+def test_a_dry_wall_pushed_to_and_fro_and_let_go_stands_closed(share=0.9):
     """Push a wall of a simulation both ways and let go: all bricks stand, no joint gapes."""
     simulation, push = pushed()
     widest = max(push(sign * share) for sign in (1.0, -1.0, 1.0, -1.0))

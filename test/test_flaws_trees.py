@@ -18,7 +18,7 @@ The flaws that Baxter et al. (2010) report of their trees, each measured on a sc
 
 Where it is cheap, the same measure is taken of their way (a body per segment and a joint of the
 engine per pair), or of a tree that has the flaw on purpose, to show that it would be found.
-docs/flaws.md holds the figures; `pytest -s` prints those of this run.
+docs/flaws.md holds the figures.
 """
 
 from dataclasses import replace
@@ -132,7 +132,6 @@ def test_no_violent_motion_of_light_branches(stand: _Stand, measured):
     Bones that overlap, which made the paper's branches thrash, push nothing here; in the paper's
     way the same tree throws its segments about with no wind and no weight.
     """
-    print(f'fastest segment over fastest air: {stand.pace:.2f}')
     measured.within('violent motion: fastest segment over fastest air in a gale', stand.pace, 0.0,
                     1.0)
     overlapping = bush()
@@ -145,7 +144,6 @@ def test_no_violent_motion_of_light_branches(stand: _Stand, measured):
             forest.step(_STEP)
             thrashing = max(thrashing, float(np.linalg.norm(theirs.velocities[:, :3],
                                                             axis=1).max()))
-    print(f'in still air without weight: 0 m/s, a joint per pair {thrashing:.1f} m/s')
     measured.within('violent motion: speed in still air without weight',
                     np.abs(forest.velocities).max(), 0.0, 0.0, 'm/s')
     measured.instead('violent motion: speed in still air without weight', thrashing, 'm/s')
@@ -163,8 +161,6 @@ def test_no_branch_in_perpetual_motion(stand: _Stand, measured):
     damping = _damping(stand.speed, stand.sway)
     species = damping.reshape(len(_SPECIES), -1).min(axis=1)
     left = stand.speed[-300:].max() / stand.speed[:300].max()
-    print('damping ratio of the fastest segment:',
-          ', '.join(f'{n} {d:.3f}' for n, d in zip(_SPECIES, species)), f'; after 45 s {left:.4f}')
     for name, ratio in zip(_SPECIES, species):
         measured.within(f'perpetual motion: damping ratio of the fastest segment, {name}', ratio,
                         0.02)
@@ -191,7 +187,6 @@ def test_perpetual_motion_would_be_found(measured):
     peak = [max(speed[:30]), max(speed[-30:])]
     swings = np.count_nonzero(np.diff(np.sign(sway))) / 2.0
     ratio = np.log(peak[0] / peak[1]) / (2.0 * np.pi * swings)
-    print(f'damping ratio without damping: {ratio:.4f}')
     measured.instead('perpetual motion: damping ratio, a bush without damping', ratio)
     assert ratio < 0.02
 
@@ -204,7 +199,6 @@ def test_segments_do_not_separate_under_high_force(stand: _Stand, measured):
     Forces of 40 N are the drag of 50 m/s on each bare twig of this tree; the kernel's joints have
     no freedom to separate, the joints of an engine give way.
     """
-    print(f'largest gap in the gale: {1e3 * stand.gap:.1e} mm')
     measured.within('separation: gap of joined segments in a gale', 1e3 * stand.gap, 0.0, 1e-3,
                     'mm')
     tree = bush()
@@ -222,7 +216,6 @@ def test_segments_do_not_separate_under_high_force(stand: _Stand, measured):
                 jointed.push(twig, pull)
             jointed.step()
             theirs = max(theirs, bond_gaps(tree, jointed.poses).max())
-    print(f'under 40 N on every twig: {1e3 * ours:.1e} mm, a joint per pair {1e3 * theirs:.0f} mm')
     what = 'separation: gap of joined segments, 40 N on every twig'
     measured.within(what, 1e3 * ours, 0.0, 1e-3, 'mm')
     measured.instead(what, 1e3 * theirs, 'mm')
@@ -292,7 +285,6 @@ def test_trees_are_not_too_springy(name: str, measured):
     tree = LSystem.load(_GRAMMARS / f'{name}.lsys').build(
         seed=0, **({} if name == 'palm' else _FIRM))
     ratio = _springiness(tree, name)
-    print(f'{name} gives way {ratio:.2f} times as far as its wood')
     measured.within(f'springy: how far a stem gives way, over its solid wood, {name}', ratio, 0.95,
                     1.25 if name == 'oak' else 1.1)
 
@@ -343,7 +335,6 @@ def test_leaves_move_finely(measured):
     A degree of a blade of 6 cm is a millimetre at its tip; a birch sways at 0.5 Hz.
     """
     turn, rate, alike = _leaf_motion(True, 6.0)
-    print(f'leaves turn by {np.degrees(turn):.1f} degrees at {rate:.1f} Hz, alike {alike:.2f}')
     measured.within('leaves: turn about their mean at 6 m/s, rms', np.degrees(turn), 1.0, 45.0,
                     '°')
     measured.within('leaves: how often they turn', rate, 1.0, 15.0, 'Hz')

@@ -18,7 +18,7 @@ The flaws that Baxter et al. (2010) report of their buildings, each measured on 
 
 Where it is cheap, the same measure is taken of their way (a body per brick, a joint of the engine
 per bond), or of a building that has the flaw on purpose, to show that it would be found.
-docs/flaws.md holds the figures; `pytest -s` prints those of this run.
+docs/flaws.md holds the figures.
 """
 
 from pathlib import Path
@@ -148,7 +148,6 @@ def test_walls_do_not_look_rubbery(fall: _Fall, measured):
 
     Real mortar breaks before it stretches visibly: 0.4 MPa over 12 GPa of a course are 2 µm.
     """
-    print(f'largest gap of a whole bond: {1e3 * fall.gap:.1e} mm')
     assert fall.simulation.bonds_broken > 1000
     measured.within('rubbery walls: gap of whole bonds', 1e3 * fall.gap, 0.0, 1e-3, 'mm')
 
@@ -164,7 +163,6 @@ def test_rubbery_walls_would_be_found(measured):
         for _ in range(60):
             jointed.step()
             stretch = max(stretch, bond_gaps(plan, jointed.poses).max())
-    print(f'a joint per bond: {1e3 * stretch:.0f} mm')
     measured.instead('rubbery walls: gap of whole bonds', 1e3 * stretch, 'mm')
     assert stretch > _EYE
 
@@ -186,8 +184,6 @@ def test_standing_walls_do_not_wobble(fall: _Fall, measured):
             jointed.step()
             way.append(jointed.poses[top, :3])
     wobble = np.ptp(way[60:], axis=0).max()
-    print(f'standing parts of the struck office: {fall.drift} m; wall in wind: '
-          f'{np.abs(simulation.poses - plan.poses).max()} m; a joint per bond: {wobble:.1e} m')
     what = 'wobble: way of what stands'
     measured.within(what, 1e3 * max(fall.drift, np.abs(simulation.poses - plan.poses).max()), 0.0,
                     0.0, 'mm')
@@ -202,7 +198,6 @@ def test_charges_heap_a_building_on_its_own_plan(fall: _Fall):
     height, inside = heap(simulation, np.flatnonzero(kinds == 'brick'))
     charges = np.count_nonzero(simulation.events['cause'] == Cause.DEMOLITION)
     pieces = len(simulation.state.bodies.members)
-    print(height, inside, charges, pieces, largest(simulation))
     assert height < 0.45 and inside > 0.8
     assert charges > 500 and pieces > 200 and largest(simulation) < 420
 
@@ -222,8 +217,6 @@ def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     top = resting[[np.argmax(world.bodies.poses[resting, 2])]]
     world.set_poses(top, world.bodies.poses[top] + [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0])
     *sunk, lifted = np.sort(sinking(simulation))
-    print(f'{len(sunk)} pieces, woken, come down by {1e3 * sunk[-1]:.0f} mm at most; at rest at '
-          f'{simulation.time:.0f} s')
     assert len(sunk) > 100
     measured.within('floating: way down of rubble in 0.2 s when it is woken', 1e3 * sunk[-1],
                     high=500.0 * FREE, unit='mm')
@@ -238,7 +231,6 @@ def test_large_buildings_do_not_fall_on_their_own(name: str, measured):
     solver = StressSolver(BondGraph(_load(name)), (0.0, 0.0, -1.35 * 9.81))
     fracture = Fracture(solver)
     assert fracture.advance(5000) == [] and fracture.stable
-    print(f'{name}: {solver.graph.count} parts, {solver.utilisation()[0].max():.2f} of strength')
     measured.within('falling on its own: stress over strength under 1.35 times its weight, '
                     f'{name}', solver.utilisation()[0].max(), 0.0, 1.0)
     assert solver.supported.all()
@@ -254,7 +246,6 @@ def test_falling_on_their_own_would_be_found(measured):
         for _ in range(30):
             jointed.step()
     sag = plan.poses[:, 2] - jointed.poses[:, 2]
-    print(f'{len(plan)} parts: 0 m, with a joint per bond {sag.max():.1f} m down')
     assert np.array_equal(simulation.poses, plan.poses)
     measured.instead('falling on its own: 1155 parts after 0.5 s', sag.max(), 'm')
     assert sag.max() > 0.5
@@ -270,8 +261,6 @@ def test_dust_rises(fall: _Fall, measured):
     freed = max(fall.energies) - min(fall.energies)
     most = max(fall.dust)
     opacity = fall.simulation.dust.opacity.max(initial=0.0)
-    print(f'{most:.2f} kg of dust, {most / DUST_PER_ENERGY / freed:.2f} of {freed / 1e3:.0f} kJ, '
-          f'{len(fall.simulation.dust.ages)} puffs left, opacity up to {opacity:.2f}')
     assert fall.clean == 0
     measured.within('dust: energy to grind it, over all energy set free',
                     most / DUST_PER_ENERGY / freed, 1e-6, 1.0)
@@ -317,8 +306,6 @@ def test_storeys_are_not_one_large_room(measured):
     for storey in range(3):
         floor = 3.0 * storey
         rooms, paper = _rooms(plan, floor, 0.55), _rooms(empty, floor, 0.55)
-        print(f'storey {storey}: {len(rooms)} rooms of {rooms.round(1)} m², without partitions '
-              f'{len(paper)} of {paper.round(1)}')
         measured.within('rooms: number on a storey', len(rooms), 4.0)
         measured.instead('rooms: number on a storey', len(paper))
         measured.within('rooms: the largest over the empty storey', rooms[0] / paper[0], 0.0, 0.4)
@@ -342,8 +329,6 @@ def test_momentum_is_kept_when_a_block_breaks_a_wall_in_the_void(measured):
     mass, moving = simulation.blueprint.mass, simulation.velocities[:, :3]
     error = np.linalg.norm(mass @ moving - [0.0, thrown, 0.0]) / thrown
     passed = mass[:-1] @ moving[:-1, 1] / thrown
-    print(f'{passed:.2f} of {thrown:.0f} N·s passed on, {simulation.bonds_broken} bonds broken: '
-          f'error {error:.1e}')
     assert passed > 0.2 and simulation.bonds_broken > 10
     measured.within('laws: error of momentum, a block breaks a wall in the void', error, 0.0,
                     0.005)
@@ -352,7 +337,6 @@ def test_momentum_is_kept_when_a_block_breaks_a_wall_in_the_void(measured):
 @pytest.mark.report('flaws')
 def test_statics_hold_after_a_blow(fall: _Fall, measured):
     """The foot of what is left standing carries its weight and what lies on it, to 1 %."""
-    print(f'the foot carries {fall.carried / 1e3:.2f} of {fall.weight / 1e3:.2f} kN')
     measured('laws: load of the foot of what is left standing', fall.carried / 1e3,
              fall.weight / 1e3, 'kN', rtol=0.01)
 
@@ -367,7 +351,6 @@ def test_energy_of_a_collapse_does_not_rise(fall: _Fall, measured):
     energies = np.array(fall.energies)
     back = (energies - np.minimum.accumulate(energies)).max()
     freed = energies[0] - energies[-1]
-    print(f'{freed / 1e3:.0f} kJ set free, {back / 1e3:.1f} kJ given back')
     measured.within('laws: energy given back in a collapse, over what is set free', back / freed,
                     0.0, 0.1)
     measured.curve('Energy of a building that is struck and demolished', 'energy',
@@ -378,7 +361,6 @@ def test_energy_of_a_collapse_does_not_rise(fall: _Fall, measured):
 @pytest.mark.report('flaws')
 def test_no_debris_is_thrown_violently(fall: _Fall, measured):
     """What a block or a slab hits flies at most twice as fast as they, even if all is elastic."""
-    print(f'fastest part of the building: {fall.fastest:.1f} m/s, the block had {_FAST} m/s')
     measured.within('laws: fastest part over the speed of the block', fall.fastest / _FAST, 0.0,
                     2.0)
 
@@ -392,8 +374,6 @@ def test_what_touches_nothing_falls_freely(fall: _Fall, measured):
     """
     rate = fall.falls
     share = np.mean(np.abs(rate - 9.81) < 0.1 * 9.81)
-    print(f'{len(rate)} steps in the air, median {np.median(rate):.3f} m/s², '
-          f'{100.0 * share:.1f} % within 10 % of g')
     assert len(rate) > 300
     measured('laws: median acceleration of what touches nothing', np.median(rate), 9.81, 'm/s²',
              rtol=0.03)

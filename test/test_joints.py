@@ -569,15 +569,6 @@ def test_a_slow_blow_is_judged_as_a_fast_one(time_step, company):
     assert 20.0 * world.bodies.velocities[body, 0] == pytest.approx(5.0 - 600.0 / 240.0, rel=1e-9)
 
 
-def test_forces_are_read_without_a_copy():
-    """Return the columns themselves."""
-    world, _ = pendulum(JointKind.BALL, 0.3)
-    rows = world.joints
-    world.step(1.0 / 60.0)
-    assert rows.force is world.joints.force
-    assert rows.force[0, 2] > 1.0
-
-
 @pytest.mark.parametrize('change, said', [
     ({'first': 77}, 'no body 77'), ({'second': -1}, 'no body -1'), ({'kind': 9}, 'no kind 9'),
     ({'first': 0}, 'cannot move against'), ({'options': JointOptions(low=1.0, high=0.0)}, 'low'),

@@ -61,7 +61,7 @@ def test_dry_running_bond_overturns_at_its_weight_over_its_height(courses, measu
                  'their weight', stands(cracking), holds)
 
 
-@pytest.mark.parametrize('share', [0.5, 0.7, 0.9])
+@pytest.mark.parametrize('share', [0.5, 0.9])
 def test_a_cracked_wall_pushed_and_let_go_closes_again(share):
     """Crack a wall, push it to and fro, let go: it stands, its joints closed, nothing moved."""
     plan = wall(8, 20, tension=0.0, cohesion=0.0)
@@ -186,20 +186,6 @@ def test_a_cracked_joint_presses_at_the_resultant():
     pressed = 3.0 * (0.1 - push * lever / total)
     turn = abs(solver.displacement[0, 4])
     assert solver.equilibrium.openings()[0] == pytest.approx(turn * (0.2 - pressed), rel=1e-3)
-
-
-def test_small_pieces_of_work_crack_the_same_joints():
-    """Advance at once and seven iterations at a time: bit for bit the same wall."""
-    plan = wall(8, 10, tension=0.0, cohesion=0.0)
-    pressure, force = tipping(plan)
-    runs = []
-    for share in (6000, 7):
-        cracking = start(plan)
-        cracking.solver.set_loads(0.9 * pressure * force)
-        while not cracking.stable:
-            cracking.advance(share)
-        runs.append(cracking.solver.displacement.copy())
-    np.testing.assert_array_equal(*runs)
 
 
 def test_loads_that_change_amid_a_step_leave_nothing_further_away_than_a_step_may_go():

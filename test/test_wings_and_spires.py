@@ -26,7 +26,7 @@ from procphys_ros.files.resources import shared_folder
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
-from procphys_ros.wallgrammar import bodies, WallGrammar
+from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.polygons import meet
 
 PIER = """
@@ -410,20 +410,6 @@ def many_wings(corners):
         f'wing w{i}\n  footprint: {" ".join(f"({x:g}, {y:g})" for x, y in points)}\n'
         '  facades: wall\n  storey_height: 0.4\n' for i, points in enumerate(corners))
     return WallGrammar.parse(f'{head}{wings}layout{tail}')
-
-
-def test_only_plans_near_each_other_are_compared(monkeypatch):
-    """Compare few pairs of many wings, and find the one pair that overlaps."""
-    compared = []
-    overlap = bodies._overlap
-    monkeypatch.setattr(bodies, '_overlap', lambda *plans: compared.append(0) or overlap(*plans))
-    corners = [[(x, y), (x + 2, y), (x + 2, y + 2), (x, y + 2)]
-               for x in range(10, 34, 4) for y in range(10, 34, 4)]
-    assert len(many_wings(corners).build()) > 700
-    assert len(compared) < len(corners)
-    corners[14] = [(x + 3, y + 3) for x, y in corners[14]]
-    with pytest.raises(GrammarError, match='overlap'):
-        many_wings(corners).build()
 
 
 def test_plans_around_each_other_are_not_compared_for_minutes():

@@ -190,17 +190,6 @@ def test_what_is_clamped_comes_to_rest_beside_its_support(engine):
 
 
 @engines
-def test_resting_body_falls_when_its_support_is_removed(engine):
-    """Take the lower of two bricks away."""
-    with World(engine=engine) as world:
-        low, high = stacked(world)
-        world.remove([low])
-        assert world.bodies.state[high] == BodyState.AWAKE
-        rest(world)
-        assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
-
-
-@engines
 def test_resting_body_falls_when_its_support_moves_away(engine):
     """Free the lower of two bricks: both wake, and nothing falls until that is gone."""
     with World(engine=engine) as world:

@@ -40,7 +40,7 @@ def wall(world, rows=14, columns=10):
                             np.full(len(poses), BRICK_MASS))
 
 
-@pytest.mark.parametrize('speed', [20.0, 100.0, 250.0])
+@pytest.mark.parametrize('speed', [20.0, 250.0])
 @engines
 def test_small_fast_projectile_does_not_tunnel(speed, engine):
     """Shoot 0.2 kg at a standing wall from many distances: it never comes out behind."""
@@ -94,7 +94,7 @@ def test_collision_of_loose_bodies_keeps_momentum(engine):
         np.testing.assert_allclose(mass @ world.velocities(ids)[:, :3], before, atol=1e-9)
 
 
-@pytest.mark.parametrize('speed', [2.0, 3.0, 4.0, 40.0])
+@pytest.mark.parametrize('speed', [2.0, 40.0])
 @engines
 def test_the_ground_gives_what_a_fall_loses(speed, engine):
     """Book every push of the ground on a compound that falls: m Δv within 1 %."""
@@ -113,19 +113,6 @@ def test_the_ground_gives_what_a_fall_loses(speed, engine):
             given, before = given + push, after
         assert given > 1640.0 * speed
         assert worst < 0.01 * 1640.0 * speed
-
-
-@engines
-def test_ball_bounces_by_its_restitution(engine):
-    """Throw a ball at the ground, which takes the root of the ball's value, half its speed."""
-    with World(engine=engine) as world:
-        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.4), 1.0, at(0, 0, 1.3),
-                                    [0, 0, -10, 0, 0, 0], restitution=0.25)
-        speeds = []
-        for _ in range(20):
-            world.step(DT)
-            speeds.append(world.velocities([ball])[0, 2])
-        assert max(speeds) / -min(speeds) == pytest.approx(0.5, abs=0.06)
 
 
 @engines
