@@ -283,7 +283,7 @@ def test_stands_are_whole_after_a_gale():
     """
     stands = _stands(turbulence_intensity=0.2,
                      velocity=[15.0 * np.cos(2.0), 15.0 * np.sin(2.0), 0.0])
-    stands.step(900)
+    stands.step(600)
     assert np.isfinite(stands.poses).all()
     assert sum(_trees_broken(stands).values()) <= 1 and stands.bonds_broken <= 1
 

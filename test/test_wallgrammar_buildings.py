@@ -41,11 +41,9 @@ _STAR = '(0, 0) (3, 1) (6, 0) (5, 3) (6, 6) (3, 5) (0, 6) (1, 3)'
 _CASES = [
     (_RECTANGLE, 'running', 'roof: hip(40)'), (_RECTANGLE, 'english', 'roof: gable(30)'),
     (_RECTANGLE, 'flemish', 'roof: flat'),
-    (_RECTANGLE, 'running', 'storeys: 2 floors: timber partitions: halves(1.5)'),
     (_RECTANGLE, 'running', 'storeys: 2 floors: slab(0.2) roof: flat partitions: halves(1.5)'),
     (_RECTANGLE, 'english', 'floors: timber roof: gable(45) partitions: halves(1.2)'),
-    (_ANGLE, 'running', 'floors: timber'), (_ANGLE, 'flemish', 'floors: slab(0.15)'),
-    (_ANGLE, 'english', 'partitions: halves(1)'),
+    (_ANGLE, 'flemish', 'floors: slab(0.15)'), (_ANGLE, 'english', 'partitions: halves(1)'),
     ('(0, 0) (4, 3) (2.5, 5) (-1.5, 2)', 'running', 'floors: timber roof: gable(35)'),
     ('(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)', 'running', ''), (_STAR, 'english', ''),
     ('(0, 0) (4, 0) (1, 3)', 'flemish', ''), ('(0, 0) (3, 0)', 'english', ''),
@@ -178,7 +176,7 @@ def test_work_grows_linearly(monkeypatch):
     text = _TEXT.format(footprint='(0, 0) (width, 0) (width, width) (0, width)', layout='running',
                         extra='').replace('height = 1.8', 'height = 3, width = 4')
     per_brick = []
-    for width in (4, 40, 80):
+    for width in (4, 20, 40):
         work.clear()
         parts = len(WallGrammar.parse(text).build(width=width))
         per_brick.append(sum(work) / parts)
