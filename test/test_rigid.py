@@ -25,7 +25,6 @@ from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.rigid.contacts import find, join_key, no_contacts, split_key
-from procphys_ros.physics.rigid.islands import upwards
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, place, ROUND
 from procphys_ros.physics.rigid.reduction import spanning
 from procphys_ros.physics.terrain import FLAT
@@ -397,22 +396,6 @@ def test_what_was_removed_leaves_no_rows_and_others_go_on():
     beside, rows, count = column(True)
     np.testing.assert_array_equal(beside, alone)
     assert rows < 3 * count
-
-
-@pytest.mark.parametrize('farthest', [2.0, 1e7])
-def test_contacts_are_sorted_from_the_ground_up(farthest):
-    """Sort points, one of them far away: what presses first, each part by height, ties in turn."""
-    rng, rows = np.random.default_rng(7), no_contacts(400)
-    rows.point[:] = rng.uniform(-1.0, 1.0, (400, 3))
-    rows.point[::5, 2], rows.point[17, 2] = 0.25, farthest
-    rows.gap[:], rows.force[:] = 1e-3, 0.0
-    rows.force[::3, 0], rows.gap[1::7] = 2.0, -1e-4
-    waits = (rows.gap > 0.0) & (rows.force[:, 0] == 0.0)
-    level, every = np.trunc(rows.point[:, 2] / 1e-6), np.arange(len(rows.gap))
-    np.testing.assert_array_equal(upwards(rows, every, G), np.lexsort((level, waits)))
-    np.testing.assert_array_equal(upwards(rows, every, np.zeros(3)),
-                                  np.argsort(waits, kind='stable'))
-    assert not len(upwards(no_contacts(0), every[:0], G))
 
 
 def test_pairs_meet_once_whatever_moves():

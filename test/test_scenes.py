@@ -198,7 +198,7 @@ def test_what_is_thrown_goes_through_the_wall(name, cue, defines):
                 - simulation.velocities[missile.part, 1])
     shipped = read_yaml(CONFIG / f'{name}.yaml')
     scene = smaller(name, [cue], **{shipped['scene']['objects'][0]: {'defines': defines}})
-    found = envelope(scene, 0.45, struck=broken_by(Cause.IMPACT), slower=slower)
+    found = envelope(scene, 0.45, 1, struck=broken_by(Cause.IMPACT), slower=slower)
     found.bound('struck', 200)  # 421 to 455, 699 to 721
     found.bound('down', 70, 0.5 * len(scene.blueprint))  # 138 to 147 of 2,953, 219 of 732
     found.bound('slower', 1.5, 10.0)  # [m/s] 3.4 to 4.3, 6.1 to 6.2
