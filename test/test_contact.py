@@ -174,7 +174,7 @@ def test_a_tree_felled_onto_another_comes_to_rest():
     forest.release(int(simulation.state.parts.row[1]))
     forest.push(np.array([8]), forest.poses[[8], :3], np.array([[60.0, 0.0, 0.0]]))
     met = 0
-    for _ in range(800):
+    for _ in range(500):
         simulation.step()
         met += int((simulation.state.contacts.other >= 0).any())
     assert met > 3
