@@ -63,6 +63,7 @@ TAKEN = {
     '/sim/explosion': 'geometry_msgs/msg/PointStamped',
     '/sim/observer': 'geometry_msgs/msg/PoseStamped',
     '/sim/intruder': 'geometry_msgs/msg/PoseStamped',
+    '/sim/downwash': 'geometry_msgs/msg/WrenchStamped',
 }
 SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
