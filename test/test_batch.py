@@ -15,12 +15,15 @@
 
 """Batches of runs: what is varied, what a row says, and that no kill loses a row."""
 
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 import csv
 import errno
 from functools import partial
+from io import StringIO
 import json
+import logging
 import math
+from multiprocessing import get_context
 import os
 from pathlib import Path
 import resource
@@ -48,6 +51,14 @@ STRUCK = {
     'wall': {'grammar': 'garden_wall.wall', 'defines': ['length=0.89', 'height=0.6']},
     'post': {'grammar_text': SAPLING, 'origin': [5.0, 0.0, 0.0]}}
 CALM = {'scene': {'objects': ['post']}, 'post': {'grammar_text': SAPLING}}
+
+
+@pytest.fixture(autouse=True)
+def cheap_processes(monkeypatch):
+    """Fork processes from one that has imported everything."""
+    context = get_context('forkserver')
+    context.set_forkserver_preload(['test_batch'])
+    monkeypatch.setattr(workers, 'get_context', lambda _: context)
 
 
 @pytest.fixture
@@ -332,26 +343,31 @@ def test_a_killed_batch_goes_on(scene, tmp_path, capsys):
     assert parquet.read_table(path).num_rows == 6
 
 
-def test_a_dask_cluster_gives_the_same_rows(scene, tmp_path):
-    """Use a local cluster; but for the time that it took, its rows are those of this process."""
+def test_a_dask_cluster_gives_the_same_rows(scene, tmp_path, monkeypatch):
+    """Ask a local cluster for a row, then kill its worker: that run fails, nothing is raised."""
+    dask = pytest.importorskip('dask')
     pytest.importorskip('distributed')
+
+    def attempt_or_die(what):
+        if what.number == 1:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return attempt(what)
+    monkeypatch.setattr(workers, 'attempt', attempt_or_die)
+    said = StringIO()
+    monkeypatch.setattr(logging.getLogger('distributed'), 'handlers',
+                        [logging.StreamHandler(said)])
     path = tmp_path / 'table.csv'
-    assert main([str(scene), '--seeds', '2', '--duration', '0.5', '--out', str(path),
-                 '--jobs', '1', '--dask']) == 0
-    found = sorted(rows(path), key=lambda row: int(row['run']))
-    for (values, what), row in zip(Sweep.read(scene, [], 2, 0.5).runs(), found):
-        told = run(what)
-        assert int(row['seed']) == values[0] and int(row['parts']) == told['parts']
-        assert float(row['mass_kg']) == told['mass_kg']
-
-
-def test_dask_does_not_tell_how_it_ends_its_processes():
-    """Show no warnings of workers that take long to end, as on a busy machine."""
-    pytest.importorskip('distributed')
-    code = ('import logging; from procphys_ros.batch.workers import dask_cluster\n'
-            'with dask_cluster("", 1): logging.getLogger("distributed.nanny").warning("alive")')
-    done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, text=True, capture_output=True)
-    assert done.returncode == 0 and 'alive' not in done.stderr
+    with (dask.config.set({'distributed.scheduler.allowed-failures': 0}),
+          workers.dask_cluster('', 1) as work):
+        monkeypatch.setattr(command, 'dask_cluster', lambda address, _: nullcontext(work))
+        assert main([str(scene), '--duration', '0.1', '--out', str(path), '--dask']) == 0
+        (number, measures, reason, _), = work([Run(1, CALM, ROOT, 0.1)])
+        logging.getLogger('distributed.nanny').warning('it takes long to end a worker')
+    assert number == 1 and measures is None and 'KilledWorker' in reason
+    assert 'it takes long' not in said.getvalue()
+    row, = rows(path)
+    told = run(Run(0, CALM, ROOT, 0.1)) | {'wall_time_s': float(row['wall_time_s'])}
+    np.testing.assert_equal({name: float(row[name]) for name in told}, told)
 
 
 def test_runs_that_fail_are_told_and_done_again(scene, tmp_path, capsys, monkeypatch):
@@ -394,18 +410,6 @@ def test_a_killed_process_costs_one_run_at_most(scene, tmp_path, monkeypatch, ki
     failed = [number for number, (measures, _) in outcomes.items() if measures is None]
     assert failed == ([1] if kills == 2 else [])
     assert all('killed' in outcomes[number][1] for number in failed)
-
-
-def test_a_killed_worker_of_dask_costs_one_run(scene, tmp_path, monkeypatch):
-    """Kill a worker as often as Dask puts up with it: its run fails, and nothing is raised."""
-    dask = pytest.importorskip('dask')
-    pytest.importorskip('distributed')
-    monkeypatch.setattr(workers, 'attempt', partial(attempt_or_die, tmp_path, 9))
-    runs = [what for _, what in Sweep.read(scene, [], 2, 0.1).runs()]
-    with (dask.config.set({'distributed.scheduler.allowed-failures': 0}),
-          workers.dask_cluster('', 1) as work):
-        (number, measures, reason, _), = work(runs[1:])
-    assert number == 1 and measures is None and 'KilledWorker' in reason
 
 
 def attempt_or_die(folder, kills, what):
