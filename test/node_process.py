@@ -29,6 +29,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
+from forked import ForkedProcess
 from rcl_interfaces.srv import GetParameters, SetParameters
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
@@ -68,19 +69,25 @@ class NodeProcess:
     :param folder: where its parameter file goes.
     :param parameters: nested mapping; None = no parameter file.
     :param arguments: further ROS arguments.
+    :param forked: start it without delay, else as users do.
     """
 
-    def __init__(self, folder: Path, parameters: dict | None = None, *arguments: str):
+    def __init__(self, folder: Path, parameters: dict | None = None, *arguments: str,
+                 forked: bool = True):
         # Answers are to be definite, also where a step takes as long as it does on a busy machine.
-        command = [sys.executable, '-m', 'procphys_ros.ros.sim', '--ros-args',
-                   '-p', 'service_deadline:=3600.0', *arguments]
+        command = ['--ros-args', '-p', 'service_deadline:=3600.0', *arguments]
         if parameters is not None:
             path = folder / 'scene.yaml'  # JSON is YAML
             path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
             command += ['--params-file', str(path)]
-        self.process = subprocess.Popen(
-            command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            env={**as_for_users(os.environ), 'PYTHONUNBUFFERED': '1'})
+        self.process: Any
+        if forked:
+            self.process = ForkedProcess('procphys_ros.ros.sim', command, errors=False)
+        else:
+            self.process = subprocess.Popen(
+                [sys.executable, '-m', 'procphys_ros.ros.sim', *command], cwd=ROOT,
+                stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                env={**as_for_users(os.environ), 'PYTHONUNBUFFERED': '1'})
         self._lines: Queue = Queue()
         self._said: list[str] = []
         # Always read what it says: a pipe that is full would stop it.

@@ -16,19 +16,17 @@
 """How the node starts and ends: exit codes, one readable line, no traceback."""
 
 from array import array
-import json
 from math import nan
-import os
 from pathlib import Path
 import signal
-import subprocess
-import sys
+from types import SimpleNamespace
 
-from node_process import Client, NodeProcess, ROOT, SCENE
+from node_process import Client, NodeProcess, SCENE
 import pytest
 import rclpy
 from std_srvs.srv import Trigger
 
+from procphys_ros.ros import running
 from procphys_ros.ros.starting import overruled
 
 
@@ -37,8 +35,8 @@ def start(tmp_path):
     """Return a function that starts nodes, and kill them at the end."""
     started = []
 
-    def run(parameters: dict | None, *arguments: str) -> NodeProcess:
-        started.append(NodeProcess(tmp_path, parameters, *arguments))
+    def run(parameters: dict | None, *arguments: str, forked: bool = True) -> NodeProcess:
+        started.append(NodeProcess(tmp_path, parameters, *arguments, forked=forked))
         return started[-1]
 
     yield run
@@ -54,7 +52,7 @@ def with_(**changes) -> dict:
 @pytest.mark.parametrize('how', [signal.SIGINT, signal.SIGTERM])
 def test_signal_ends_the_node_with_code_zero(start, how):
     """End quietly when told to."""
-    process = start(SCENE)
+    process = start(SCENE, forked=how == signal.SIGINT)
     banner = process.wait_for_banner()
     assert '4 objects, 16 parts' in banner and '/sim/poses' in banner
     code, errors = process.finish(how)
@@ -86,7 +84,7 @@ def test_node_ends_while_it_runs_as_fast_as_possible(start):
     ('libllvmlite', signal.SIGINT), ('libllvmlite', signal.SIGTERM)])
 def test_node_ends_while_it_is_still_starting(start, library, how):
     """Hear a signal as soon as a library is there: between imports, or as kernels load."""
-    process = start(SCENE)
+    process = start(SCENE, forked=False)
     maps = Path(f'/proc/{process.process.pid}/maps')
     while library not in maps.read_text('utf-8'):
         assert process.process.poll() is None, f'the node ended before it loaded {library}'
@@ -103,21 +101,21 @@ def client():
     rclpy.try_shutdown()
 
 
-def test_ctrl_c_does_not_keep_the_node_from_saying_why_it_ends():
+def test_ctrl_c_does_not_keep_the_node_from_saying_why_it_ends(monkeypatch):
     """Press it while the first line of the log is made: the line comes, and code 1."""
-    code = """
-import os, signal
-from procphys_ros.ros import running
-class Log:
-    def fatal(self, text):
-        os.kill(os.getpid(), signal.SIGINT)
-        print(text)
-running.get_logger = lambda name: Log()
-running.rclpy.ok = lambda: True
-raise SystemExit(running._complain(ValueError('no scene')))
-"""
-    done = subprocess.run([sys.executable, '-c', code], cwd=ROOT, capture_output=True, text=True)
-    assert (done.returncode, done.stdout, done.stderr) == (1, 'no scene\n', '')
+    def fatal(text):
+        signal.raise_signal(signal.SIGINT)
+        told.append(text)
+
+    told, heard = [], []
+    monkeypatch.setattr(running, 'get_logger', lambda name: SimpleNamespace(fatal=fatal))
+    monkeypatch.setattr(running.rclpy, 'ok', lambda: True)
+    before = signal.signal(signal.SIGINT, lambda *_: heard.append(1))
+    try:
+        assert running._complain(ValueError('no scene')) == 1
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert (told, heard) == (['no scene'], [])
 
 
 def test_node_ends_while_it_builds_the_first_scene(start, client):
@@ -129,7 +127,7 @@ def test_node_ends_while_it_builds_the_first_scene(start, client):
 
 def test_node_ends_during_a_reload_and_while_paused(start, client):
     """End with the scene half built, time standing still, and somebody waiting for an answer."""
-    process = start(SCENE)
+    process = start(SCENE, forked=False)
     process.wait_for_banner()
     assert client.switch('set_pause', True).success
     assert client.set_parameter('sapling.count', 50_000).successful
@@ -188,7 +186,7 @@ def test_slips_of_grammars_and_scenes_are_warned_of_in_the_log(warned):
 
 def test_bad_scene_ends_the_process_with_one_line(start):
     """Exit with code 1 and one line that names the cause."""
-    code, errors = start(with_(post={'grammar_text': 'axiom: F(1) [ F(1)'})).finish()
+    code, errors = start(with_(post={'grammar_text': 'axiom: F(1) [ F(1)'}), forked=False).finish()
     assert code == 1 and len(errors.splitlines()) == 1, errors
     assert '[FATAL]' in errors and 'post.grammar_text:1' in errors
 
@@ -209,51 +207,20 @@ MISREAD = {
     r'"b\udce4ume.yaml" is not UTF-8': ['--params-file', 'b\udce4ume.yaml'],
     '[1.0, 2.5, 0.0]': ['-p', 'wind.velocity:=[1, 2.5, 0]'],
 }
-# Imports once what takes most of the time of a node that does not start.
-IN_TURN = """
-import gc, json, os, sys
-from procphys_ros.ros.running import run
-gc.freeze()
-for number, arguments in enumerate(json.load(open('arguments.json'))):
-    if not os.fork():
-        said = os.open(f'{number}.txt', os.O_CREAT | os.O_WRONLY)
-        os.dup2(said, 1)
-        os.dup2(said, 2)
-        sys.exit(run(['sim', '--ros-args', *arguments]))
-    print(os.waitstatus_to_exitcode(os.wait()[1]))
-"""
-
-
-@pytest.fixture(scope='module')
-def refusals(tmp_path_factory):
-    """Start a node with each scene and argument that it refuses: exit code and what it said."""
-    folder, words = tmp_path_factory.mktemp('refused'), dict(MISREAD)
-    for number, (said, parameters) in enumerate(REFUSED.items()):
-        path = folder / f'{number}.yaml'
-        path.write_text(json.dumps({'/**': {'ros__parameters': parameters}}), 'utf-8')
-        words[said] = ['--params-file', str(path)]
-    (folder / 'arguments.json').write_text(json.dumps(list(words.values())), 'utf-8')
-    done = subprocess.run([sys.executable, '-c', IN_TURN], cwd=folder, text=True, check=True,
-                          stdout=subprocess.PIPE, env={**os.environ, 'PYTHONPATH': str(ROOT)})
-    return {said: (int(code), (folder / f'{number}.txt').read_text('utf-8'))
-            for number, (said, code) in enumerate(zip(words, done.stdout.split()))}
 
 
 @pytest.mark.parametrize('said', REFUSED)
-def test_bad_scene_is_told_in_one_line(refusals, said):
+def test_bad_scene_is_told_in_one_line(start, said):
     """End with code 1 and one line that names the cause, wherever it is found."""
-    code, errors = refusals[said]
-    # A start that takes long, as on a busy machine, is told as well, and that kernels are missing.
-    told = [line for line in errors.splitlines()
-            if 'building the scene' not in line and 'compiling kernels' not in line]
-    assert code == 1 and len(told) == 1, errors
-    assert '[FATAL]' in told[0] and said in told[0]
+    code, errors = start(REFUSED[said]).finish()
+    assert code == 1 and len(errors.splitlines()) == 1, errors
+    assert '[FATAL]' in errors and said in errors
 
 
 @pytest.mark.parametrize('said', MISREAD)
-def test_arguments_that_ros_cannot_read_are_told(refusals, said):
+def test_arguments_that_ros_cannot_read_are_told(start, said):
     """End with code 1 without a traceback, naming what it is or how to write it."""
-    code, errors = refusals[said]
+    code, errors = start(None, *MISREAD[said]).finish()
     assert code == 1 and said in errors and 'Traceback' not in errors
 
 

@@ -66,7 +66,7 @@ tell()
 
 @pytest.fixture(scope='module')
 def called() -> list[dict[str, list[str]]]:
-    """Return the types that small scenes call each kernel with, and those of shipped scenes too."""
+    """Return the types that small scenes call each kernel with; then those of shipped ones too."""
     done = subprocess.run([sys.executable, '-c', PROGRAM], cwd=ROOT, capture_output=True,
                           text=True)
     assert done.returncode == 0, done.stderr
