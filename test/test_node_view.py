@@ -16,12 +16,12 @@
 """What a viewer shows: it follows what moves, comes, vanishes, and is loaded anew."""
 
 import json
+from time import monotonic
 
 from geometry_msgs.msg import PoseArray
 from node_process import Client, EVEN, SAPLING, serve
 import numpy as np
 import pytest
-from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -41,6 +41,7 @@ class Viewer:
         self._client = client
         self.shown: dict[tuple[str, int], Marker] = {}
         self.deltas: list[MarkerArray] = []
+        self._end = monotonic() + 7.0  # [s]
         client.node.create_subscription(MarkerArray, '/sim/markers', self._draw, 1000)
 
     @property
@@ -49,9 +50,8 @@ class Viewer:
         return {number for name, number in self.shown if name != '/dust'}
 
     def wait_for_last_whole_set(self) -> None:
-        """Wait until the node has told everything as often as it does: for seven seconds."""
-        clock = self._client.listen(Clock, '/clock')
-        self._client.spin_until(lambda: self.shown and len(clock) > 200, 'beats of the clock')
+        """Wait until the node has told a new subscriber everything as often as it does."""
+        self._client.spin_until(lambda: monotonic() > self._end, 'the last whole set')
 
     def wait_for(self, parts: set[int], what: str) -> None:
         """Wait until just these parts are shown."""
@@ -75,17 +75,31 @@ def process(tmp_path_factory):
     yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
-@pytest.fixture
-def client():
-    """Make a client to a node that runs the first scene from time 0."""
+@pytest.fixture(scope='module')
+def watching(process):
+    """Make a client with a viewer that has looked for long when the last test begins."""
     client = Client()
+    yield client, Viewer(client)
+    client.close()
+
+
+@pytest.fixture
+def client(watching):
+    """Return a client to a node that runs the first scene from time 0."""
+    client, _ = watching
     for name, value in (('scene.objects', ['sapling', 'wall']),
                         ('sapling.grammar_text', SAPLING), ('wind.velocity', [0.0, 0.0, 0.0])):
         assert client.set_parameter(name, value).successful
     assert client.switch('set_pause', False).success
     assert client.trigger('reload_scene').success
-    yield client
-    client.close()
+    return client
+
+
+@pytest.fixture
+def viewer(watching):
+    """Return the viewer, which remembers no changes of other tests."""
+    watching[1].deltas.clear()
+    return watching[1]
 
 
 def description(client: Client, fits=lambda scene: True) -> dict:
@@ -100,9 +114,8 @@ def existing(client: Client) -> set[int]:
     return {i for i, pose in enumerate(poses) if np.isfinite(pose.position.x)}
 
 
-def test_a_reload_changes_all_that_is_published(client):
+def test_a_reload_changes_all_that_is_published(client, viewer):
     """Show other objects and parts in description, poses and markers after a reload."""
-    viewer = Viewer(client)
     before = description(client)
     parts = len(before['parts']['name'])
     viewer.wait_for(set(range(parts)), 'the first scene')
@@ -122,9 +135,8 @@ def test_a_reload_changes_all_that_is_published(client):
     assert existing(client) == set(range(9))
 
 
-def test_the_old_scene_goes_on_after_a_reload_that_failed(client):
+def test_the_old_scene_goes_on_after_a_reload_that_failed(client, viewer):
     """Keep objects, markers and time when a grammar cannot be read."""
-    viewer = Viewer(client)
     before = description(client)
     every = set(range(len(before['parts']['name'])))
     viewer.wait_for(every, 'the scene')
@@ -142,9 +154,8 @@ def test_the_old_scene_goes_on_after_a_reload_that_failed(client):
     assert all(json.loads(m.data) == before for m in descriptions)
 
 
-def test_only_what_moves_is_sent(client):
+def test_only_what_moves_is_sent(client, viewer):
     """Send a ball that flies by and a tree that sways, and no brick of the wall that stands."""
-    viewer = Viewer(client)
     parts = len(description(client)['parts']['name'])
     viewer.wait_for(set(range(parts)), 'the scene')
     assert client.set_parameter('wind.velocity', [5.0, 0.0, 0.0]).successful
@@ -158,9 +169,8 @@ def test_only_what_moves_is_sent(client):
         assert len({(marker.ns, marker.id) for marker in array.markers}) == len(array.markers)
 
 
-def test_what_vanishes_is_deleted_and_a_reset_brings_it_back(client):
+def test_what_vanishes_is_deleted_and_a_reset_brings_it_back(client, viewer):
     """Delete the markers of bricks that a charge breaks, and of pieces and ball at the reset."""
-    viewer = Viewer(client)
     every = set(range(len(description(client)['parts']['name'])))
     viewer.wait_for_last_whole_set()
     viewer.wait_for(every, 'the scene')
