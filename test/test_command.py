@@ -22,6 +22,7 @@ import sys
 from time import monotonic
 from types import SimpleNamespace
 
+from forked import ForkedProcess
 from geometry_msgs.msg import PointStamped
 from node_process import Client, NodeProcess, PATIENCE, ROOT, SAPLING, SCENE
 import pytest
@@ -31,7 +32,7 @@ from std_srvs.srv import Trigger
 from procphys_ros.ros import command
 from procphys_ros.ros.remote import NoNodeError, Remote
 
-COMMAND = (sys.executable, '-m', 'procphys_ros.ros.command')
+COMMAND = 'procphys_ros.ros.command'
 
 
 @pytest.fixture(scope='module')
@@ -61,15 +62,15 @@ def say(tmp_path, monkeypatch, capfd):
 
 
 @pytest.fixture
-def run(tmp_path):
+def run(tmp_path, monkeypatch):
     """Return a function that runs one command line as a process: exit code, output, errors."""
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path))
+
     def start(words):
-        done = subprocess.run(
-            [*COMMAND, *with_patience(words)], cwd=ROOT,
-            env={**os.environ, 'XDG_CACHE_HOME': str(tmp_path)}, capture_output=True, text=True,
-            timeout=5 * PATIENCE, check=False)
-        assert 'Traceback' not in done.stderr
-        return done.returncode, done.stdout, done.stderr
+        process = ForkedProcess(COMMAND, with_patience(words))
+        out, err = process.communicate(5 * PATIENCE)
+        assert 'Traceback' not in err
+        return process.returncode, out, err
     return start
 
 
@@ -122,10 +123,12 @@ def test_what_is_refused_ends_with_one(node, say, words, reason):
     assert err.startswith('command: ') and err.count('\n') == 1
 
 
-def test_a_process_ends_as_its_command_does(node, run):
-    """Exit with 1 and the reason alone where the node refuses."""
-    code, out, err = run('wind 500 0 0')
-    assert (code, out) == (1, '') and err.startswith('command: ') and err.count('\n') == 1
+def test_a_process_ends_as_its_command_does(node):
+    """Exit with 1 and the reason alone where the node refuses, as users start it."""
+    done = subprocess.run([sys.executable, '-m', COMMAND, *with_patience('wind 500 0 0')],
+                          cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (1, '')
+    assert done.stderr.startswith('command: ') and done.stderr.count('\n') == 1
 
 
 def test_time_obeys(node, say):
@@ -148,8 +151,7 @@ def test_tab_knows_the_scene_once_it_was_listed(node, say):
 
 def test_watch_tells_time_and_breaks_until_it_is_stopped(node, say):
     """Print a status each second and a line for a bond that breaks; end with 0 on Ctrl-C."""
-    watch = subprocess.Popen([*COMMAND, '--timeout', str(PATIENCE), 'watch'], cwd=ROOT,
-                             stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    watch = ForkedProcess(COMMAND, with_patience('watch'))
     try:
         assert 'ms/step' in watch.stdout.readline()
         end = monotonic() + 2 * PATIENCE
