@@ -34,7 +34,6 @@ import os
 from pathlib import Path
 import subprocess
 import sys
-from tempfile import TemporaryDirectory
 
 from numpy._core._multiarray_umath import __cpu_dispatch__
 from pose_hashes import difference, SCENES
@@ -74,13 +73,12 @@ def each() -> Iterator[tuple[str, dict[str, str], int]]:
 
 def run(scene: str, seconds: int, environment: dict[str, str], threads: int) -> list[dict]:
     """Simulate a scene in a process with an environment, and return hashes of each second."""
-    with TemporaryDirectory() as folder:
-        out = Path(folder, 'hashes.json')
-        subprocess.run(
-            [sys.executable, _ROOT / 'bench' / 'pose_hashes.py', scene, '--seconds', str(seconds),
-             '--threads', str(threads), '--record', out], check=True, cwd=_ROOT,
-            stdout=subprocess.DEVNULL, env={**os.environ, 'PYTHONPATH': str(_ROOT), **environment})
-        return json.loads(out.read_text())[scene]
+    code = ('import json\nfrom pose_hashes import simulate\n'
+            f'print(json.dumps(simulate({scene!r}, {seconds}, {threads})))')
+    done = subprocess.run(
+        [sys.executable, '-c', code], check=True, cwd=_ROOT, stdout=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': f'{_ROOT / "bench"}:{_ROOT}', **environment})
+    return json.loads(done.stdout.splitlines()[-1])
 
 
 def main() -> int:

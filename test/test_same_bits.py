@@ -55,9 +55,9 @@ def faults(path: Path) -> Iterator[str]:
     tree = ast.parse(path.read_text('utf-8'))
     in_kernels = {id(inner) for node in ast.walk(tree) if decorated(node)
                   for inner in ast.walk(node)}
+    name = str(path.relative_to(PACKAGE))
     for node in ast.walk(tree):
         what = _fault(node, id(node) in in_kernels)
-        name = str(path.relative_to(PACKAGE))
         if what and (name, what) not in ALLOWED:
             yield f'{name}:{node.lineno}: {what}'
 
@@ -71,14 +71,15 @@ def _fault(node: ast.AST, compiled: bool) -> str:
         return '' if whole[0] or compiled and whole[1] else '**'
     if isinstance(node, ast.ImportFrom) and (node.module or '').startswith('scipy'):
         return 'linalg' if 'linalg' in node.module else ''
-    if isinstance(node, ast.Attribute):
-        if ast.unparse(node.value) in ('np', 'math') and node.attr in LIBM | BLAS:
-            return node.attr
-        drawn = ast.unparse(node.value).endswith(('rng', 'generator')) and node.attr in DRAWS
-        if node.attr in ('linalg', 'dot') or drawn:
+    if isinstance(node, ast.Attribute) and node.attr in LIBM | BLAS | DRAWS:
+        owner = ast.unparse(node.value)
+        drawn = owner.endswith(('rng', 'generator')) and node.attr in DRAWS
+        if (node.attr in ('linalg', 'dot') or drawn
+                or owner in ('np', 'math') and node.attr in LIBM | BLAS):
             return node.attr
     if isinstance(node, ast.Call):
-        names = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords}
+        names = {keyword.arg: ast.unparse(keyword.value) for keyword in node.keywords
+                 if keyword.arg in ('fastmath', 'optimize', 'kind')}
         if 'fastmath' in names or names.get('optimize'):
             return 'fastmath or optimize'
         if (isinstance(node.func, ast.Attribute) and node.func.attr in SORTS and not compiled
@@ -106,7 +107,7 @@ def test_what_processors_do_differently_is_found(line, found):
 
 def test_a_scene_has_the_same_bits_on_a_poorer_processor(same_bits):
     """Take away what processors may lack; `bench/same_bits.py` does more, for all scenes."""
-    plain = same_bits.run(_SCENE, 1, {}, 0)
+    plain = import_module('pose_hashes').simulate(_SCENE, 1)
     assert plain[0]['poses'] != plain[1]['poses']
     environment, threads = next(row[1:] for row in same_bits.poorest() if row[0] == same_bits.LIBM)
     own = {name: value for name, value in environment.items() if 'NUMBA' not in name}  # compiled
