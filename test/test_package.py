@@ -110,10 +110,8 @@ def test_files_have_their_licence():
 
 def test_docstrings_say_more_than_give():
     """Begin no docstring with a verb that names neither a computation nor what comes of it."""
-    found = [f'{path.relative_to(ROOT)}:{node.body[0].lineno}' for path in SOURCES
-             for node in nodes(path)
-             if isinstance(node, ast.FunctionDef | ast.ClassDef)
-             and (ast.get_docstring(node) or '').startswith('Give ')]
+    found = [path for path in SOURCES
+             if re.search(r'^ *r?"""\s*Give ', path.read_text('utf-8'), re.MULTILINE)]
     assert not found
 
 

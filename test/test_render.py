@@ -17,6 +17,7 @@
 
 import os
 from pathlib import Path
+import re
 import subprocess
 import sys
 
@@ -168,13 +169,12 @@ def test_every_pattern_has_an_image(pattern):
     assert opaque.all() if pattern in surfaces else 0.15 < opaque.mean() < 0.9
 
 
-@pytest.mark.parametrize('path', sorted([*(_ROOT / 'grammars').glob('*.lsys'),
-                                         *(_ROOT / 'grammars').glob('*.wall')]),
-                         ids=lambda p: p.name)
-def test_palette_covers_every_texture_of_the_grammars(path):
+def test_palette_covers_every_texture_of_the_grammars():
     """Find each texture that a shipped grammar names in the palette."""
-    unknown = set(load_grammar(str(path), 'grammar').build(seed=0).textures) - set(LOOKS)
-    assert not unknown
+    text = '\n'.join(path.read_text('utf-8') for path in (_ROOT / 'grammars').iterdir())
+    named = {name for names in re.findall(r'\btextures?: *(\w+(?:, *\w+)*)', text)
+             for name in re.split(', *', names)}
+    assert len(named) > 20 and named <= set(LOOKS)
 
 
 def test_unknown_textures_look_like_their_family():

@@ -169,11 +169,11 @@ def test_a_lasting_force_bends_and_is_cleared():
     """Hold a tip aside with a force, then let it go."""
     simulation = grow()
     simulation.apply_wrench('tree_0/5', (60.0, 0.0, 0.0))
-    simulation.step(900)
+    simulation.step(200)
     bent = simulation.poses[5, 0] - simulation.blueprint.poses[5, 0]
     assert bent > 0.01
     assert simulation.clear_wrenches() == 1
-    simulation.step(1800)
+    simulation.step(800)
     assert simulation.poses[5, 0] == pytest.approx(simulation.blueprint.poses[5, 0], abs=1e-3)
 
 
@@ -192,9 +192,9 @@ def test_same_seed_and_commands_give_the_same_poses():
     def run(seed):
         simulation = Simulation(grow(2e7, 3).scene, seed=seed)
         simulation.set_wind((22.0, 3.0, 0.0))
-        simulation.step(60)
+        simulation.step(30)
         simulation.apply_impulse('tree_2/5', (0.0, 40.0, 0.0))
-        simulation.step(120)
+        simulation.step(50)
         return simulation
     first, second, other = run(3), run(3), run(4)
     assert first.bonds_broken > 0
@@ -242,7 +242,7 @@ def test_reset_restores_everything():
     """Bring back poses, time, whole bonds and the first wind, and repeat the same run."""
     simulation = grow(strength=8e6, count=2)
     simulation.set_wind((45.0, 0.0, 0.0))
-    simulation.step(120)
+    simulation.step(60)
     first = simulation.poses.copy()
     assert simulation.bonds_broken
     simulation.reset()
@@ -252,7 +252,7 @@ def test_reset_restores_everything():
     assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-9
     simulation.reset()
     simulation.set_wind((45.0, 0.0, 0.0))
-    simulation.step(120)
+    simulation.step(60)
     assert np.array_equal(simulation.poses, first)
 
 
