@@ -41,8 +41,8 @@ def test_the_site_builds_without_a_warning(tmp_path):
     for package in ('sphinx', 'myst_parser'):
         pytest.importorskip(package)
     run = subprocess.run(
-        [sys.executable, '-c', _UNCOLLECTED, 'sphinx', '-W', '--keep-going', '-q', '-D', 'html_theme=basic',
-         str(ROOT / 'docs'), str(tmp_path)],
+        [sys.executable, '-c', _UNCOLLECTED, 'sphinx', '-W', '--keep-going', '-q', '-D',
+         'html_theme=basic', str(ROOT / 'docs'), str(tmp_path)],
         timeout=_PATIENCE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     assert run.returncode == 0, run.stdout
     api = (tmp_path / 'api.html').read_text('utf-8')
