@@ -75,7 +75,7 @@ while True:
         code = 1
         traceback.print_exc()
     sys.stdout.flush()
-    os._exit(code)  # what libraries do at the end is not for forks
+    os._exit(code or 0)  # what libraries do at the end is not for forks
 """
 _SUBREAPER = 36  # prctl: whose parent ends becomes a child of this process
 _LOOK = 0.02     # [s] between two looks whether a process has ended
@@ -112,6 +112,7 @@ class ForkedProcess:
         for _, its in pipes:
             os.close(its)
         self.pid = int.from_bytes(_server().recv(8), 'little')
+        assert self.pid, 'what processes are forked from has ended'
         _server().recv(1)  # now it is a child of this process
         self.returncode: int | None = None
 

@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Ten thousand random commands, parameters, names and texts: none ends the node or its sense."""
+"""Thousands of random commands, parameters, names and texts: none ends the node or its sense."""
 
 import math
 from random import Random
@@ -30,7 +30,7 @@ from std_srvs.srv import SetBool, Trigger
 from procphys_ros.ros.node import SimNode
 from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
 
-MESSAGES, CHANGES, CALLS, SCENES = 7000, 2600, 350, 50  # 10,000 together
+MESSAGES, CHANGES, CALLS, SCENES = 4000, 1500, 200, 40
 AT_ONCE = 50  # changes of parameters in one request
 BURST = 1000  # messages between looks at what became of them
 PARAMETERS = {'scene.objects': ['sapling', 'post'], 'sapling.grammar_text': SAPLING,
