@@ -79,9 +79,9 @@ def test_walls_come_down_alike_on_any_number_of_threads(count, engine):
             'scene': {'objects': ['house']}, 'threads': number, 'engine': engine,
             'house': {'grammar': 'office.wall',
                       'defines': ['bays=1', 'deep=1', 'storeys=1', 'module=2.8']}}))
-        simulation.demolish(Demolition((0.0, 0.1), (0.5, 0.0, 0.5, 2.0, 0.0, 0.5), (0.8, 0.8)))
+        simulation.demolish(Demolition())
         simulation.launch(Projectile('box', 0.5, 300.0, (-6.0, 1.0, 1.2), (20.0, 0.0, 0.0)))
-        simulation.step(30)
+        simulation.step(55)
         looks.append([simulation.poses, simulation.velocities, simulation.log.rows,
                       simulation.state.solver.displacement, simulation.dust.positions])
     alone, other = looks
