@@ -30,6 +30,28 @@ def process(tmp_path_factory):
     yield from serve(tmp_path_factory.mktemp('node'), SCENE)
 
 
+def test_rotors_of_an_intruder_move_the_tree_below():
+    """Hover beside the stem, switch the rotors on, and see the twig go; refuse unknown names."""
+    client = Client()
+    hover = client.publisher(PoseStamped, '/sim/intruders/drone')
+    rotors = client.publisher(WrenchStamped, '/sim/downwash')
+    poses = client.listen(PoseArray, '/sim/poses')
+    status = client.watch_status()
+    message = WrenchStamped()
+    message.header.frame_id = 'kite'
+    client.send_until(lambda: 'there is no intruder "kite"' in status()['last rejection'],
+                      'a rejection', (rotors, message))
+    place_of_drone = PoseStamped(pose=place(-1.0, 0.0, 1.8))
+    felt = client.listen(WrenchStamped, '/sim/intruders/drone/wrench')
+    client.send_until(lambda: poses and len(felt) > 2, 'poses', (hover, place_of_drone))
+    message.header.frame_id = 'drone'
+    message.wrench.force.x = -60.0  # the air flows along +x, against the stem
+    start = max(pose.position.x for pose in poses[-1].poses)
+    client.send_until(lambda: max(pose.position.x for pose in poses[-1].poses) > start + 1e-5,
+                      'a stem that bends', (rotors, message))
+    client.close()
+
+
 def test_a_robot_leans_on_a_tree_and_feels_it():
     """Move a ball against a stem, and hear of the force that holds it off."""
     client = Client()
@@ -96,25 +118,4 @@ def test_poses_that_do_not_fit_the_intruders_are_rejected():
     status = client.watch_status()
     client.send_until(lambda: 'drone, arm' in status()['last rejection'], 'a rejection',
                       (client.publisher(PoseArray, '/sim/intruders'), PoseArray()))
-    client.close()
-
-
-def test_rotors_of_an_intruder_move_the_tree_below():
-    """Hover beside the stem, switch the rotors on, and see the twig go; refuse unknown names."""
-    client = Client()
-    hover = client.publisher(PoseStamped, '/sim/intruders/drone')
-    rotors = client.publisher(WrenchStamped, '/sim/downwash')
-    poses = client.listen(PoseArray, '/sim/poses')
-    status = client.watch_status()
-    message = WrenchStamped()
-    message.header.frame_id = 'kite'
-    client.send_until(lambda: 'there is no intruder "kite"' in status()['last rejection'],
-                      'a rejection', (rotors, message))
-    client.send_until(lambda: poses, 'poses',
-                      (hover, PoseStamped(pose=place(-1.0, 0.0, 1.8))))
-    message.header.frame_id = 'drone'
-    message.wrench.force.x = -60.0  # the air flows along +x, against the stem
-    start = max(pose.position.x for pose in poses[-1].poses)
-    client.send_until(lambda: max(pose.position.x for pose in poses[-1].poses) > start + 1e-5,
-                      'a stem that bends', (rotors, message))
     client.close()
