@@ -43,6 +43,36 @@ def test_random_grammars_neither_fail_nor_make_energy(seed, engine):
     assert not found, '\n'.join(found)
 
 
+# Straws of 5 to 180 g and a ball of 11 kg: each overlap that was corrected in a substep let the
+# straws take what the ball would have got if it had been pushed along its way.
+_STRAW = """
+axiom: Density(40.1091) Modulus(6.37262e+07) DampingRatio(0.582513) SwingForce(83463.2) 
+  SwingLimit(38.7435) Strength(1.64546e+07)
+  BreakForce(0.310605) WidthRate(0.537099) &(55.9964) A(0.590576, 0.00126264)
+derivation length: 2
+production:
+  A(l, w) : l > 0 -> !(w) F(l) ~(0.01)
+    [ /(64.7848) &(58.9274) Leaf(0.2, 1) A(l * 0.615001, w * 0.435805) ]
+    [ /(177.465) &(78.7295) ~(0.853049) A(l * 0.741435, w * 0.374652) ]
+    [ /(290.151) &(101.516) ~(0.369273) A(l * 0.864365, w * 0.530849) ]
+    A(l * 0.823568, w * 0.545603)
+decomposition:
+  A(l, w) : l < 0.01 -> A(0.01, w)
+  A(l, w) : w < 0.001 -> A(l, 0.001)
+interpretation:
+  A(l, w) -> !(w) F(l)
+"""
+
+
+@pytest.mark.parametrize('seed', [15, 17])
+def test_a_ball_over_straw_makes_no_energy(seed):
+    """Roll a heavy ball over what weighs next to nothing."""
+    event = Event(part=0.4925, speed=0.6231792940131881, impulse_step=14, direction=1.0,
+                  ball=8000.0, diameter=0.13917103995819138, ball_speed=11.659789907355094,
+                  height=0.16128683495447116)
+    assert not list(faults([Sample('lsys', _STRAW, seed, event)], 8.43386, engine='native'))
+
+
 def houses(seeds: range) -> Iterator[tuple[int, Blueprint]]:
     """Build random houses, but those that are refused for want of room."""
     for seed in seeds:
