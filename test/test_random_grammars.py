@@ -46,7 +46,7 @@ def test_random_grammars_neither_fail_nor_make_energy(seed, engine):
 # Straws of 5 to 180 g and a ball of 11 kg: each overlap that was corrected in a substep let the
 # straws take what the ball would have got if it had been pushed along its way.
 _STRAW = """
-axiom: Density(40.1091) Modulus(6.37262e+07) DampingRatio(0.582513) SwingForce(83463.2) 
+axiom: Density(40.1091) Modulus(6.37262e+07) DampingRatio(0.582513) SwingForce(83463.2)
   SwingLimit(38.7435) Strength(1.64546e+07)
   BreakForce(0.310605) WidthRate(0.537099) &(55.9964) A(0.590576, 0.00126264)
 derivation length: 2
