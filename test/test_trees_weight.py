@@ -124,3 +124,30 @@ def test_segments_end_as_wide_as_the_next_one_begins():
     stalk = 'F(0.1) [ !(0.1) F(0.1) ]'
     assert mass(f'!(0.01) {stalk}') == pytest.approx([0.001 * cylinder, 0.1 * cylinder])
     assert mass('!(0.1) WidthRate(0.5) F(1)') == pytest.approx([cylinder * 1.75 / 3.0])
+
+
+@pytest.mark.parametrize('branch', [False, True])
+def test_a_column_buckles_at_greenhills_height(branch):
+    """Stand below 7.837·E·I/(w·h³) = 1, be told of above; a branch weighs where it sits."""
+    height = (7.8373 * 1e10 * 0.05**2 / 16.0 / 800.0 / 9.81) ** (1.0 / 3.0)
+    pole = 'axiom: Density(800) Modulus(1e10) !(0.05) ' + 'F({0})' * 20
+    pole += ' [ &(90) !(0.02) F(0.5) ]' * branch
+    low, high = (simulation(pole.format(part * height / 20.0))
+                 for part in (0.93 if branch else 0.99, 1.01))
+    assert not low.warnings
+    line, = high.warnings
+    assert line.startswith('tree_0 is too slender to stand upright: it buckles under 0.9')
+    share = high.state.forest.buckling()[1][0]
+    lightest = 0.92 if branch else 0.998
+    assert lightest < share * 1.01**3 < (0.99 if branch else 1.001)
+
+
+def test_what_is_told_to_buckle_topples():
+    """Let a touch decide: a column above Greenhill's height falls, one below swings back."""
+    for part, falls in ((0.9, False), (1.15, True)):
+        height = part * (7.8373 * 1e10 * 0.05**2 / 16.0 / 800.0 / 9.81) ** (1.0 / 3.0)
+        sim = simulation('axiom: Density(800) Modulus(1e10) DampingRatio(0.3) !(0.05) '
+                         + f'F({height / 12.0})' * 12)
+        sim.apply_impulse(11, (0.02, 0.0, 0.0))
+        sim.step(1500)
+        assert (abs(sim.poses[11, 0]) > 0.5) == falls

@@ -69,7 +69,7 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
 
 
 def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) -> list[str]:
-    """List the trees that break under their weight, and climbers without anchors."""
+    """List the trees that break or buckle under their weight, and climbers without anchors."""
     blueprint, forest = state.blueprint, state.forest
     row, cause, ratio = forest.overloaded_by_weight()
     part = forest.parts[row]
@@ -83,7 +83,20 @@ def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) 
                 f'{thing.name} does not carry its own weight: {len(own)} of {thing.count} '
                 f'joints are overloaded, the worst at ({x:.2f}, {y:.2f}, {z:.2f}) m by '
                 f'{ratio[worst]:.3g} times its {_CAPACITIES[Cause(cause[worst])]}')
-    return lines + _idle_climbers(blueprint, objects, anchors)
+    return lines + _buckling(state, objects) + _idle_climbers(blueprint, objects, anchors)
+
+
+def _buckling(state: State, objects: Sequence[SceneObject]) -> list[str]:
+    """List the trees that a breath topples, because they are too slender for their weight."""
+    roots, shares = state.forest.buckling()
+    part = state.forest.parts[roots]
+    lines = []
+    for thing in objects:
+        own = shares[(part >= thing.first) & (part < thing.first + thing.count)]
+        if len(own) and own.min() < 1.0:
+            lines.append(f'{thing.name} is too slender to stand upright: it buckles under '
+                         f'{own.min():.3g} times its own weight')
+    return lines
 
 
 def _idle_climbers(blueprint: Blueprint, objects: Sequence[SceneObject],

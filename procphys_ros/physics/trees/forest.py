@@ -34,6 +34,7 @@ from procphys_ros.physics.trees import (
     subset,
 )
 from procphys_ros.physics.trees.anchors import Anchors
+from procphys_ros.physics.trees.buckling import buckling_shares
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
@@ -281,6 +282,22 @@ class Forest:
         row, column = row[:count], column[:count]
         return row, breaks.CAUSES[column], load[:count] / self._capacity[row, column]
 
+    def buckling(self) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Find the share of its weight at which each tree of `plan` buckles at its present pose.
+
+        :returns: root rows, and shares; inf for trees that lean on anchors, (K,) each.
+        """
+        now = self._state
+        roots = np.flatnonzero(self.active & (self.parents < 0) & ~self.is_free(slice(None)))
+        shares = buckling_shares(
+            roots, self.ends, self.parents, np.ascontiguousarray(self._model.swing[:, STIFFNESS]),
+            np.ascontiguousarray(self._model.body[:, MASS]),
+            np.ascontiguousarray(now.poses[:, 2]), np.ascontiguousarray(now.frame[:, 2]),
+            float(-self._gravity[2]))
+        held = np.concatenate([[0], np.cumsum(now.anchor[:, anchors.STIFFNESS] > 0.0)])
+        return roots, np.where(held[self.ends[roots]] > held[roots], np.inf, shares)
+
     def subtree(self, row: int) -> np.ndarray:
         """List the active rows of the subtree of a row, itself first."""
         return breaks.carried_rows(int(row), int(self.ends[row]), self.active, self.parents)
@@ -397,7 +414,7 @@ class Forest:
         """Root rows of the released trees that are still active, ascending."""
         return np.flatnonzero(self.active & (self._model.joint == state.SegmentJoint.FREE))
 
-    def is_free(self, roots: np.ndarray) -> np.ndarray:
+    def is_free(self, roots: np.ndarray | slice) -> np.ndarray:
         """Mark the root rows of released trees, (K,) bool."""
         return self._model.joint[roots] == state.SegmentJoint.FREE
 
