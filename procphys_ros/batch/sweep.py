@@ -38,12 +38,12 @@ from procphys_ros.scene.data_file import find_data_file
 from procphys_ros.scene.objects import read_objects
 from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT
 from procphys_ros.scene.settings import read_settings
-from procphys_ros.scene.sources import locate
+from procphys_ros.scene.sources import locate, SCANS
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.yaml_file import BoundedLoader, read_yaml
 from procphys_ros.schema import Parameter
 
-_GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall)\b')  # name of a file
+_GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall|csv|mtg|ply)\b')  # name of a file
 _DATA_FILES = ('terrain.file', 'wind.file')
 _MOST = 1_000_000  # runs
 _LONGEST = 1e6  # [s] of a run, also the latest time of a cue
@@ -178,7 +178,9 @@ class Sweep:
                 seen.add(path)
                 text = path.read_bytes()
                 yield hashlib.sha256(text).hexdigest()
-                todo += [(name, str(path), path.parent) for name in _names_in(text, path.parent)]
+                if path.suffix not in SCANS:
+                    todo += [(name, str(path), path.parent)
+                             for name in _names_in(text, path.parent)]
 
     def _data(self) -> Iterator[str]:
         """Yield the digests of the other files of the scene, varied ones included."""

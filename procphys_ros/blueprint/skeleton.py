@@ -299,7 +299,7 @@ def _grown(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, segment: n
     unknown, none = np.full(len(tip), np.nan), np.zeros(len(tip))
     return Branches(
         parent=segment[start], lateral=lateral, base=nodes[start],
-        attitude=_shortest_turn(along), length=norm(along, axis=1),
+        attitude=shortest_turn(along), length=norm(along, axis=1),
         width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip],
         swing_stiffness=unknown, swing_damping=unknown, twist_stiffness=unknown,
         twist_damping=unknown, stretch_stiffness=unknown, stretch_damping=unknown,
@@ -323,7 +323,7 @@ def _hinges(branches: Branches) -> Hinges:
         preload=branches.preload, cling=branches.cling * branches.length)
 
 
-def _shortest_turn(direction: np.ndarray) -> np.ndarray:
+def shortest_turn(direction: np.ndarray) -> np.ndarray:
     """Compute the attitudes (S, 4) that rotate z to directions (S, 3) by the least angle."""
     x, y, z = (direction / norm(direction, axis=1, keepdims=True)).T
     q = np.column_stack([-y, x, np.zeros_like(x), 1.0 + z])

@@ -17,12 +17,18 @@
 
 from procphys_ros.language.arithmetic import Value
 from procphys_ros.language.curves import ControlCurve
-from procphys_ros.language.defines import generator_of, resolve_defines
+from procphys_ros.language.defines import check_overrides, generator_of, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
 from procphys_ros.language.includes import find_grammar, read_include
 from procphys_ros.language.place import Place
-from procphys_ros.language.syntax import check_length, read_text, shorten, syntax_error
+from procphys_ros.language.syntax import (
+    check_length,
+    read_regular,
+    read_text,
+    shorten,
+    syntax_error,
+)
 
 __all__ = [
     'EXPRESSION_GRAMMAR',
@@ -31,11 +37,13 @@ __all__ = [
     'Place',
     'Value',
     'check_length',
+    'check_overrides',
     'compile_expression',
     'ControlCurve',
     'find_grammar',
     'generator_of',
     'read_include',
+    'read_regular',
     'read_text',
     'resolve_defines',
     'shorten',

@@ -39,6 +39,22 @@ def generator_of(seed: int, source: str) -> np.random.Generator:
     return np.random.default_rng(int(seed))
 
 
+def check_overrides(known: Sequence[str], overrides: Mapping[str, float], source: str) -> None:
+    """
+    Check values that replace those of defines.
+
+    :param known: names of the defines.
+    :param source: name of the grammar, for errors.
+    :raises GrammarError: for an unknown define, or one that is not a number.
+    """
+    for name, value in overrides.items():
+        if name not in known:
+            raise GrammarError(f'unknown define "{name}"{nearest_names(name, known)} '
+                               f'(defines: {", ".join(known) or "none"})', source)
+        if not isinstance(value, numbers.Real) or not -_LARGEST <= value <= _LARGEST:
+            raise GrammarError(f'define "{name}" must be a finite number, found {value!r}', source)
+
+
 def resolve_defines(definitions: Sequence[tuple[str, Expression]],
                     overrides: Mapping[str, float], generator: np.random.Generator,
                     source: str = '<text>') -> dict[str, float]:
@@ -52,13 +68,7 @@ def resolve_defines(definitions: Sequence[tuple[str, Expression]],
     :returns: value of every define.
     :raises GrammarError: for an override of an unknown define, or one that is not a number.
     """
-    known = [name for name, _ in definitions]
-    for name, value in overrides.items():
-        if name not in known:
-            raise GrammarError(f'unknown define "{name}"{nearest_names(name, known)} '
-                               f'(defines: {", ".join(known) or "none"})', source)
-        if not isinstance(value, numbers.Real) or not -_LARGEST <= value <= _LARGEST:
-            raise GrammarError(f'define "{name}" must be a finite number, found {value!r}', source)
+    check_overrides([name for name, _ in definitions], overrides, source)
     values: dict[str, float] = {}
     for name, expression in definitions:
         values[name] = (float(overrides[name]) if name in overrides

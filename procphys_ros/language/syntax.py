@@ -57,7 +57,7 @@ def read_text(path: str | Path) -> str:
     """
     source = shorten(str(path))
     try:
-        raw = _read_regular(path, 4 * LONGEST_TEXT + 4)  # [bytes] at most four per character
+        raw = read_regular(path, 4 * LONGEST_TEXT + 4)  # [bytes] at most four per character
     except (OSError, ValueError) as problem:
         reason = getattr(problem, 'strerror', None) or problem
         raise GrammarError(f'cannot read the grammar: {reason}', source) from None
@@ -74,8 +74,13 @@ def read_text(path: str | Path) -> str:
     return text.replace('\r\n', '\n').replace('\r', '\n')
 
 
-def _read_regular(path: str | Path, most: int) -> bytes:
-    """Read a regular file up to a length; refuse pipes and devices, which may never end."""
+def read_regular(path: str | Path, most: int) -> bytes:
+    """
+    Read a regular file up to a length [bytes].
+
+    :raises OSError: when it cannot be read.
+    :raises ValueError: for pipes and devices, which may never end.
+    """
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe without writer would wait
     with open(handle, 'rb') as file:
         if not stat.S_ISREG(os.fstat(handle).st_mode):

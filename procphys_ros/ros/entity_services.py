@@ -30,11 +30,12 @@ from procphys_ros.files.resources import shared_folder
 from procphys_ros.ros.conversions import Act, check_frame, pose
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.sources import GRAMMARS
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.simulation.commands import checked_rotation, checked_vector
 from procphys_ros.terminal.argument_parser import whole
 
-FORMATS = ('lsys', 'wall')
+FORMATS = tuple(ending[1:] for ending in GRAMMARS)
 _UPRIGHT = 1e-3  # [-] x or y of a quaternion from which on it is not a turn about the vertical
 
 _Value = TypeVar('_Value')

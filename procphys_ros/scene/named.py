@@ -21,9 +21,8 @@ from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.language import shorten
 from procphys_ros.scene.scene import Scene
-from procphys_ros.scene.sources import load_grammar
+from procphys_ros.scene.sources import GRAMMARS, load_grammar
 
-GRAMMARS = ('.lsys', '.wall')
 _SCENES = ('.yaml', '.yml')
 
 
@@ -58,7 +57,7 @@ def shown_name(word: str) -> str:
 def open_scene(word: str, seed: int | None = None,
                defines: Mapping[str, float] | None = None) -> Scene:
     """
-    Read a scene, or put one instance of a grammar on empty ground.
+    Read a scene, or put one instance of a grammar or scanned tree on empty ground.
 
     :param word: as `scene_file` takes it, or a grammar: a path, or the name of a shipped one.
     :param seed: of a grammar; None = 0.

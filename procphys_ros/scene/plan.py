@@ -28,6 +28,7 @@ from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.geometry.linear import norm
+from procphys_ros.scene.sources import GRAMMARS
 from procphys_ros.scene.yaml_file import BoundedLoader, parsed
 
 MOST = 2000  # houses, or trees, of one row
@@ -234,8 +235,9 @@ class _Keys:
         value = self.value(key)
         value = [value] if isinstance(value, str) else value
         if not isinstance(value, list) or not value or not all(
-                isinstance(name, str) and name.endswith(('.wall', '.lsys')) for name in value):
-            raise self.error(key, f'is {value!r}, it must name files that end in .wall or .lsys')
+                isinstance(name, str) and name.endswith(GRAMMARS) for name in value):
+            raise self.error(key, f'is {value!r}, it must name files that end in '
+                             f'{", ".join(GRAMMARS)}')
         return tuple(value)
 
     def ranges(self, key: str) -> dict[str, tuple[float, float, float]]:

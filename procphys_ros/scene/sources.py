@@ -27,14 +27,17 @@ from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
 
 if TYPE_CHECKING:
+    from procphys_ros.scans import ScannedTree
     from procphys_ros.wallgrammar import WallGrammar
 
 _LSYSTEM, _WALL, PLAN = '.lsys', '.wall', '.plan'
+SCANS = ('.csv', '.mtg', '.ply')  # of trees
+GRAMMARS = (_LSYSTEM, _WALL, *SCANS)
 _PACKAGE = 'package://procphys_ros/'
 
 
 class Grammar(Protocol):
-    """Common interface of parsed grammars of both languages."""
+    """Common interface of parsed grammars of both languages, and of scanned trees."""
 
     def build(self, seed: int = 0, **defines: float) -> Blueprint: ...
 
@@ -55,13 +58,17 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
         return _language_of(name, key, path).load(path)
 
 
-def _language_of(name: str, key: str, path: Path) -> 'type[LSystem] | type[WallGrammar]':
+def _language_of(name: str, key: str,
+                 path: Path) -> 'type[LSystem] | type[WallGrammar] | type[ScannedTree]':
     if path.suffix == PLAN:
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
+    if path.suffix in SCANS:
+        from procphys_ros.scans import ScannedTree
+        return ScannedTree
     if path.suffix not in (_LSYSTEM, _WALL):
-        raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; '
-                         f'grammars end in {_LSYSTEM} or {_WALL}')
+        raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; grammars end in '
+                         f'{_LSYSTEM} or {_WALL}, scanned trees in {", ".join(SCANS)}')
     return _language(path.suffix == _WALL)
 
 
