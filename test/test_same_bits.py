@@ -28,7 +28,8 @@ _SCENE = 'gust_and_ball'
 STATE = sorted(path for pattern in ('geometry/*.py', 'blueprint/*.py', 'files/*.py',
                                     'appearance/pa*.py', 'appearance/torn_wood.py',
                                     'language/*.py', 'lsystem/*.py', 'wallgrammar/*.py',
-                                    'scans/*.py', 'physics/**/*.py', 'scene/*.py', 'simulation/*.py', '*.py')
+                                    'scans/*.py', 'physics/**/*.py', 'scene/*.py',
+                                    'simulation/*.py', '*.py')
                for path in PACKAGE.glob(pattern))
 LIBM = {'sin', 'cos', 'tan', 'arcsin', 'arccos', 'arctan', 'arctan2', 'asin', 'acos', 'atan',
         'atan2', 'sinh', 'cosh', 'tanh', 'exp', 'exp2', 'expm1', 'log', 'log2', 'log10', 'log1p',

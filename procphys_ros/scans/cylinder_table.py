@@ -79,8 +79,8 @@ class _Table:
             starts = [word.start() for word in re.finditer(r'\S+', line)]
         else:
             starts = [0, *(sign.end() for sign in re.finditer(re.escape(self.separator), line))]
-        return Place(self.place.source, self.numbers[row],
-                     1 + starts[min(column, len(starts) - 1)])
+        at = starts[column] if column < len(starts) else len(line)
+        return Place(self.place.source, self.numbers[row], 1 + at)
 
 
 def read_table(raw: bytes, source: str) -> Cylinders:
@@ -146,7 +146,8 @@ def _columns(table: _Table) -> dict[str, int]:
             and ('radius' in found or 'diameter' in found)):
         raise table.place.error(f'the columns are {shorten(", ".join(table.names))}; cylinders '
                                 f'need {_NEEDED}')
-    unused = {'axis x', 'axis y', 'axis z', 'length'} if has['end'] else {'end x', 'end y', 'end z'}
+    unused = {f'axis {a}' for a in 'xyz'} | {'length'} if has['end'] else {
+        f'end {a}' for a in 'xyz'}
     unused |= {'diameter'} if 'radius' in found else set()
     unused |= set() if 'parent' in found else {'ID'}
     return {name: column for name, column in found.items() if name not in unused}

@@ -109,7 +109,8 @@ def _order(cylinders: Cylinders) -> Repaired:
     if not late:
         return cylinders, ''
     order = np.argsort(depths(cylinders.parent), kind='stable')
-    return cylinders.taken(order), f'{late} cylinders put after their parents'
+    said = '' if cylinders.tapered else f'{late} cylinders put after their parents'
+    return cylinders.taken(order), said  # points of skeletons come in any order
 
 
 def _with_radii(cylinders: Cylinders, foot_diameter: float, source: str) -> Cylinders:
@@ -152,6 +153,6 @@ def _move(cylinders: Cylinders) -> Repaired:
     """Put the foot of the thickest stem at the origin."""
     feet = np.flatnonzero(cylinders.parent < 0)
     place = cylinders.start[feet[int(np.argmax(cylinders.radius[feet]))]].copy()
-    said = f'moved by ({", ".join(f"{-x:.2f}" for x in place)}) m'
+    said = f'moved by ({", ".join(f"{0.0 - x:.2f}" for x in place)}) m'
     return (replace(cylinders, start=cylinders.start - place, end=cylinders.end - place),
             said if norm(place) > _GROUNDED else '')

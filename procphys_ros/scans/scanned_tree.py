@@ -24,7 +24,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, Leaves, skeleton
 from procphys_ros.blueprint.skeleton import Branches, shortest_turn
 from procphys_ros.errors import GrammarError
-from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.linear import dot, norm
 from procphys_ros.language import check_overrides, find_grammar, generator_of, Place
 from procphys_ros.scans.cylinder_table import read_table
 from procphys_ros.scans.cylinders import Cylinders, lowest_of, MAX_CYLINDERS
@@ -165,13 +165,9 @@ class ScannedTree:
 
 
 def _branches(cylinders: Cylinders, values: Mapping[str, float]) -> Branches:
-    """Make the segments; the thickest that starts at the end of its parent continues it."""
+    """Make the segments."""
     count, parent, radius = len(cylinders), cylinders.parent, cylinders.radius
-    follows = np.zeros(count, bool)
-    close = norm(cylinders.start - cylinders.end[parent], axis=1) <= radius[parent]
-    able = np.flatnonzero((parent >= 0) & (close | cylinders.tapered))
-    ranked = able[np.lexsort((able, -radius[able], parent[able]))]
-    follows[ranked[np.unique(parent[ranked], return_index=True)[1]]] = True
+    follows = _followers(cylinders)
     below = np.where(parent < 0, cylinders.foot, np.where(follows, radius[parent], radius))
     along = cylinders.end - cylinders.start
 
@@ -191,3 +187,16 @@ def _branches(cylinders: Cylinders, values: Mapping[str, float]) -> Branches:
         break_torque=never, root_stiffness=each(values['root_stiffness'] or np.nan),
         root_moment=each(values['root_moment'] or np.inf), preload=each(values['preload']),
         texture=np.zeros(count, np.int16), cling=each(0.0))
+
+
+def _followers(cylinders: Cylinders) -> np.ndarray:
+    """Find what continues each axis: what starts at its end, the thickest, the straightest."""
+    parent, radius = cylinders.parent, cylinders.radius
+    way = (cylinders.end - cylinders.start) / cylinders.length[:, None]
+    close = norm(cylinders.start - cylinders.end[parent], axis=1) <= radius[parent]
+    able = np.flatnonzero((parent >= 0) & (close | cylinders.tapered))
+    straight = dot(way[able], way[parent[able]])
+    ranked = able[np.lexsort((able, -straight, -radius[able], parent[able]))]
+    follows = np.zeros(len(cylinders), bool)
+    follows[ranked[np.unique(parent[ranked], return_index=True)[1]]] = True
+    return follows

@@ -158,7 +158,8 @@ def _ascii(body: bytes, elements: list[_Element], first: int,
     for element in _needed(elements, source):
         rows = lines[done:done + element.count]
         if len(rows) < element.count:
-            raise GrammarError(f'the file ends within {element.name}', source, first + len(lines))
+            raise GrammarError(f'the file ends within {element.name}', source,
+                               first + len(lines) - 1)
         if element.name in ('vertex', 'edge'):
             yield element.name, _numbers(rows, element, first + done, source)
         done += element.count
