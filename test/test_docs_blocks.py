@@ -100,6 +100,7 @@ def test_yaml_loads_as_it_stands(page, number, desk, caplog):
     for name, text in grammars(page).items():
         (desk / name).write_text(text, 'utf-8')
     (desk / 'hills.asc').write_text('ncols 2\nnrows 2\ncellsize 90\n0 9\n4 2\n', 'utf-8')
+    (desk / 'my_oak.csv').write_text('x1 y1 z1 x2 y2 z2 radius\n0 0 0 0 0 2 0.03\n', 'utf-8')
     body = blocks(page, 'yaml')[number]
     if body.startswith('streets:'):
         (desk / 'some.plan').write_text(body, 'utf-8')
