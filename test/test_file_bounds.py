@@ -41,7 +41,8 @@ def places(tmp_path):
     inside, outside = tmp_path / 'inside', tmp_path / 'outside'
     for folder in (inside, outside):
         folder.mkdir()
-        for ending in ('.lsys', '.wall', '.plan', '.asc', '.csv', '.stl', '.npz', '.png', ''):
+        for ending in ('.lsys', '.wall', '.plan', '.asc', '.csv', '.mtg', '.ply', '.stl',
+                       '.npz', '.png', ''):
             (folder / f'secret{ending}').write_text(f'{SECRET} {SECRET}\n' * 3)
         (folder / 'tree.lsys').write_text(TREE)
     (inside / 'link.lsys').symlink_to(outside / 'tree.lsys')
@@ -79,7 +80,7 @@ def test_nothing_outside_is_read(places, name, ending):
         assert SECRET not in str(told.value) and '\n' not in str(told.value)
 
 
-@pytest.mark.parametrize('ending', ['', '.asc', '.csv', '.stl', '.npz', '.png'])
+@pytest.mark.parametrize('ending', ['', '.asc', '.csv', '.mtg', '.ply', '.stl', '.npz', '.png'])
 def test_errors_tell_nothing_of_what_is_no_grammar(places, ending):
     """Name the file and what is wrong, and nothing that stands in it."""
     inside, _, bounds = places

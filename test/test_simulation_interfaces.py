@@ -66,7 +66,8 @@ def test_features_are_those_that_the_package_knows(unchanged):
     """List what is offered, but for what the package at hand has no number for."""
     features = call(unchanged, 'get_simulator_features').features.features
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
-    assert call(unchanged, 'get_simulator_features').features.spawn_formats == ['lsys', 'wall']
+    formats = call(unchanged, 'get_simulator_features').features.spawn_formats
+    assert formats == ['lsys', 'wall', 'csv', 'mtg', 'ply']
 
 
 def test_features_are_those_of_the_services_that_are_there(unchanged):

@@ -50,7 +50,7 @@ _LARGEST_ID = 2**53
 
 
 @dataclass(frozen=True)
-class _Table:
+class _TableRows:
     """
     Rows of a file below the names of their columns.
 
@@ -70,7 +70,8 @@ class _Table:
     def fields(self, line: str) -> list[str]:
         if self.separator is None:
             return line.split()
-        return [field.strip() for field in next(csv.reader([line], delimiter=self.separator))]
+        quoted = csv.reader([line], delimiter=self.separator)
+        return [field.strip() for field in next(quoted, [])]
 
     def place_of(self, row: int, column: int) -> Place:
         """Return the place of a field."""
@@ -110,7 +111,7 @@ def read_table(raw: bytes, source: str) -> Cylinders:
     return Cylinders(parent, start, end, radius, radius, tapered=False)
 
 
-def _split(lines: list[str], source: str) -> _Table:
+def _split(lines: list[str], source: str) -> _TableRows:
     """Find the names of the columns and the rows; a comment right above numbers holds names."""
     rows = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
     first = next((i for i, (_, line) in enumerate(rows) if line.lstrip()[0] != '#'), len(rows))
@@ -122,15 +123,14 @@ def _split(lines: list[str], source: str) -> _Table:
     head = head.strip().lstrip('#').strip(' ')
     counts = {sign: head.count(sign) for sign in ',;\t'}
     separator = max(counts, key=counts.__getitem__)
-    table = _Table([], separator if counts[separator] else None,
-                   [line for _, line in rows[first + 1:] if line.lstrip()[0] != '#'],
-                   [number for number, line in rows[first + 1:] if line.lstrip()[0] != '#'],
-                   Place(source, number))
+    rows = [(row, line) for row, line in rows[first + 1:] if line.lstrip()[0] != '#']
+    table = _TableRows([], separator if counts[separator] else None, [line for _, line in rows],
+                       [row for row, _ in rows], Place(source, number))
     table.names.extend(table.fields(head))
     return table
 
 
-def _columns(table: _Table) -> dict[str, int]:
+def _columns(table: _TableRows) -> dict[str, int]:
     """Find the columns by their names; TreeQSM leaves the second and third of a vector empty."""
     names = [plain(name) for name in table.names]
     for i in range(len(names) - 2):
@@ -144,8 +144,9 @@ def _columns(table: _Table) -> dict[str, int]:
     has = {name: all(f'{name} {a}' in found for a in 'xyz') for name in _POINTS}
     if not (has['start'] and (has['end'] or has['axis'] and 'length' in found)
             and ('radius' in found or 'diameter' in found)):
-        raise table.place.error(f'the columns are {shorten(", ".join(table.names))}; cylinders '
-                                f'need {_NEEDED}')
+        told = (f'the columns are {shorten(", ".join(table.names))}' if any(has.values())
+                else 'none of the columns are coordinates')  # of no cylinders: not to be quoted
+        raise table.place.error(f'{told}; cylinders need {_NEEDED}')
     unused = {f'axis {a}' for a in 'xyz'} | {'length'} if has['end'] else {
         f'end {a}' for a in 'xyz'}
     unused |= {'diameter'} if 'radius' in found else set()
@@ -153,13 +154,15 @@ def _columns(table: _Table) -> dict[str, int]:
     return {name: column for name, column in found.items() if name not in unused}
 
 
-def _numbers(table: _Table, found: dict[str, int]) -> dict[str, np.ndarray]:
+def _numbers(table: _TableRows, found: dict[str, int]) -> dict[str, np.ndarray]:
     """Read the numbers of columns by their meaning, (N,) each."""
     try:
         read = np.loadtxt(
             table.lines, delimiter=table.separator, usecols=list(found.values()), ndmin=2,
             comments=None, quotechar=None if table.separator is None else '"', encoding=None,
             converters={found['parent']: _parent_number} if 'parent' in found else None)
+        if len(read) != len(table.lines):
+            raise ValueError('a quotation mark is not closed')
     except (ValueError, IndexError) as problem:
         raise _first_fault(table, found, problem) from None
     values = dict(zip(found, read.T))
@@ -174,7 +177,7 @@ def _parent_number(field: str) -> float:
     return -1.0 if field.strip().strip('"').lower() in _NO_PARENT else float(field)
 
 
-def _first_fault(table: _Table, found: dict[str, int], problem: Exception) -> GrammarError:
+def _first_fault(table: _TableRows, found: dict[str, int], problem: Exception) -> GrammarError:
     """Look for the first field that is no number, which numpy does not name well."""
     for row, line in enumerate(table.lines):
         fields = table.fields(line)
@@ -193,7 +196,7 @@ def _first_fault(table: _Table, found: dict[str, int], problem: Exception) -> Gr
     return table.place.error(f'the rows cannot be read: {shorten(str(problem))}')
 
 
-def _linked(table: _Table, found: dict[str, int], values: dict[str, np.ndarray],
+def _linked(table: _TableRows, found: dict[str, int], values: dict[str, np.ndarray],
             start: np.ndarray, end: np.ndarray) -> np.ndarray:
     """Return the index of each cylinder's parent, -1 = none, (N,)."""
     named = _whole(table, found, values, 'parent')
@@ -213,7 +216,7 @@ def _linked(table: _Table, found: dict[str, int], values: dict[str, np.ndarray],
     return parent
 
 
-def _whole(table: _Table, found: dict[str, int], values: dict[str, np.ndarray],
+def _whole(table: _TableRows, found: dict[str, int], values: dict[str, np.ndarray],
            name: str) -> np.ndarray:
     """Return a column of whole numbers, (N,) int."""
     column = values[name]
@@ -225,7 +228,7 @@ def _whole(table: _Table, found: dict[str, int], values: dict[str, np.ndarray],
     return column.astype(np.int64)
 
 
-def _rows_of(table: _Table, found: dict[str, int], named: np.ndarray,
+def _rows_of(table: _TableRows, found: dict[str, int], named: np.ndarray,
              own: np.ndarray) -> np.ndarray:
     """Find the rows of the IDs that parents are named by."""
     order = np.argsort(own, kind='stable')

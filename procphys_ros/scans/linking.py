@@ -47,21 +47,26 @@ def link_by_ends(start: np.ndarray, end: np.ndarray, radius: np.ndarray) -> np.n
     :param radius: (N,); of the two cylinders the larger one counts.
     :returns: parents, -1 = none, (N,) int.
     """
-    count = len(start)
-    nearest = min(_NEAREST + 1, count)  # its own end may be among them
-    apart, found = scipy.spatial.cKDTree(end).query(
-        start, k=nearest, distance_upper_bound=float(radius.max()) * (1.0 + 1e-12) + 1e-12)
-    apart, found = apart.reshape(count, nearest), found.reshape(count, nearest)
-    rows = np.arange(count)[:, None]
-    near = (found < count) & (found != rows)
-    other = np.where(near, found, 0)
-    near &= apart <= np.maximum(radius[:, None], radius[other])
+    count, places = len(start), _at_places(start, end, radius)
+    nearest = min(_NEAREST + 1, len(places))  # its own end may be among them
+    apart, found = scipy.spatial.cKDTree(end[places]).query(start, k=nearest)
+    apart, found = apart.reshape(count, nearest), places[found.reshape(count, nearest)]
+    near = found != np.arange(count)[:, None]
+    near &= apart <= np.maximum(radius[:, None], radius[found])
     children: list[list[tuple[float, int]]] = [[] for _ in range(count)]
     for row, column in np.argwhere(near).tolist():
         children[found[row, column]].append((float(apart[row, column]), row))
     alone = ~near.any(axis=1)
     order = np.lexsort((start[:, 2], ~alone))  # roots, then what only circles could reach
     return _reached(children, order)
+
+
+def _at_places(start: np.ndarray, end: np.ndarray, radius: np.ndarray) -> np.ndarray:
+    """Of the cylinders that end at one place take the thickest, if one has a length of these."""
+    point = (start == end).all(axis=1)
+    order = np.lexsort((-radius, point, end[:, 2], end[:, 1], end[:, 0]))
+    ends = end[order]
+    return order[np.append(True, (ends[1:] != ends[:-1]).any(axis=1))]
 
 
 def _reached(children: list[list[tuple[float, int]]], order: np.ndarray) -> np.ndarray:

@@ -123,8 +123,8 @@ def _sections(lines: list[str], source: str) -> Iterator[tuple[int, str, str]]:
         if colon and heading.strip().upper() in _SECTIONS:
             section, line = heading.strip().upper(), rest.strip()
         elif line and not section:
-            raise GrammarError(f'"{shorten(line, 40)}" stands before the first section; an MTG '
-                               f'has {", ".join(_SECTIONS)}', source, number)
+            raise GrammarError(f'this stands before the first section; an MTG has '
+                               f'{", ".join(_SECTIONS)}', source, number)
         if line.strip():
             yield number, section, line
 
@@ -167,6 +167,7 @@ def _read_body(vertices: _Vertices, body: list[tuple[int, str]],
         vertex = last[k] if code[0] == '^' else next((v for v in last[:k][::-1] if v >= 0), -1)
         for edge, name, _ in _ENTITY.findall(code):
             vertex = vertices.add(vertex, edge, name, place)
+        check_count(len(vertices.scale), 'vertices', source)
         last[k:] = [vertex] + [-1] * (topology - k - 1)
         fields = [cells[column].strip() if 0 <= column < len(cells) else ''
                   for column in columns.values()]

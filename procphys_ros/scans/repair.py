@@ -24,6 +24,7 @@ from procphys_ros.geometry.linear import dot, norm
 from procphys_ros.scans.cylinders import Cylinders, depths, least_on_the_way, lowest_of
 
 _SHORTEST = 1e-4  # [m] below what scanners resolve
+_THINNEST = 1e-5  # [m] radius of no wood
 _GROUNDED = 0.05  # [m] stems of one tree may begin so much above or below the largest
 
 Repaired = tuple[Cylinders, str]
@@ -133,12 +134,12 @@ def _with_radii(cylinders: Cylinders, foot_diameter: float, source: str) -> Cyli
 
 
 def _cap(cylinders: Cylinders) -> Repaired:
-    """Let no cylinder be thicker than those below; give those of radius 0 the least one."""
+    """Let no cylinder be thicker than those below; give those of none the least one."""
     radius, said = cylinders.radius, []
-    if (thin := radius <= 0.0).any():
-        least = radius[~thin].min() if not thin.all() else _SHORTEST
+    if (thin := radius < _THINNEST).any():
+        least = radius[~thin].min() if not thin.all() else _THINNEST
         radius = np.where(thin, least, radius)
-        said.append(f'{np.count_nonzero(thin)} radii of 0 taken as {least:.3g} m')
+        said.append(f'{np.count_nonzero(thin)} radii of about 0 taken as {least:.3g} m')
     capped = least_on_the_way(cylinders.parent, radius)
     if (wide := capped < radius).any():
         before = replace(cylinders, radius=radius).volume.sum()

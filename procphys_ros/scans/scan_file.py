@@ -23,7 +23,9 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.language import read_regular
 from procphys_ros.scans.cylinders import LARGEST, MAX_CYLINDERS
 
-_LARGEST_FILE = 256 * MAX_CYLINDERS  # [bytes] a row of TreeQSM has some 130
+_LARGEST_FILE = 128 * MAX_CYLINDERS  # [bytes] a row has some 60 to 250
+_MOST_LINES = 2 * MAX_CYLINDERS + 1000
+_LONGEST_LINE = 65_536  # [characters]
 
 
 def read_scan(path: Path, source: str) -> bytes:
@@ -43,19 +45,26 @@ def read_scan(path: Path, source: str) -> bytes:
     return raw
 
 
-def lines_of(raw: bytes, source: str) -> list[str]:
+def lines_of(raw: bytes, source: str, encoding: str = 'utf-8-sig') -> list[str]:
     """
     Split a text into lines.
 
-    :param raw: UTF-8 with or without byte order mark.
-    :raises GrammarError: when it is no text.
+    :param raw: with or without byte order mark.
+    :param source: name of the file, for errors.
+    :raises GrammarError: when it is no text, or has very many or very long lines.
     """
     try:
-        text = raw.decode('utf-8-sig')
+        text = raw.decode(encoding)
     except UnicodeDecodeError as problem:
         line = raw.count(b'\n', 0, problem.start) + 1
         raise GrammarError('cannot read the tree: this is no UTF-8 text', source, line) from None
-    return text.replace('\r\n', '\n').replace('\r', '\n').split('\n')
+    text = text.replace('\r\n', '\n').replace('\r', '\n')
+    if text.count('\n') > _MOST_LINES:
+        raise GrammarError(f'there are more than {_MOST_LINES} lines', source)
+    lines = text.split('\n')
+    if (long := next((n for n, line in enumerate(lines, 1) if len(line) > _LONGEST_LINE), 0)):
+        raise GrammarError(f'the line has more than {_LONGEST_LINE} characters', source, long)
+    return lines
 
 
 def fault_of(values: np.ndarray, name: str) -> tuple[int, str] | None:

@@ -24,7 +24,7 @@ from procphys_ros.errors import GrammarError
 from procphys_ros.language import Place, shorten
 from procphys_ros.scans.cylinders import Cylinders
 from procphys_ros.scans.points import between
-from procphys_ros.scans.scan_file import check_count, fault_of, plain
+from procphys_ros.scans.scan_file import check_count, fault_of, lines_of, plain
 
 _LONGEST_HEADER = 65_536  # [bytes]
 _TYPES = {'char': 'i1', 'int8': 'i1', 'uchar': 'u1', 'uint8': 'u1', 'short': 'i2', 'int16': 'i2',
@@ -153,7 +153,7 @@ def _needed(elements: list[_Element], source: str) -> Iterator[_Element]:
 def _ascii(body: bytes, elements: list[_Element], first: int,
            source: str) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the rows of elements as numbers; `first` is the line of the first row."""
-    lines = body.decode('latin-1').split('\n')
+    lines = lines_of(body, source, 'latin-1')
     done = 0
     for element in _needed(elements, source):
         rows = lines[done:done + element.count]
@@ -264,7 +264,7 @@ def _spanning(points: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, int]:
 
 def _radii_of_edges(parent: np.ndarray, ends: np.ndarray, radius: np.ndarray,
                     source: str) -> np.ndarray:
-    """Give points the radii of the edges that lead to them, feet that of an edge there, (K,)."""
+    """Return the radii of the edges that lead to points, (K,); feet have that of an edge there."""
     if fault := fault_of(radius, 'radius'):
         raise GrammarError(f'edge {fault[0]}: {fault[1]}', source)
     radii = np.full(len(parent), np.nan)

@@ -52,7 +52,8 @@ class ObjectSpec:
 
     name: str
     grammar: str = declared(
-        '', 'file in grammars/, a path, or package://procphys_ros/…; or a plan of a street')
+        '', 'file in grammars/, a path, or package://procphys_ros/…; or a scanned tree, or a plan '
+        'of a street')
     grammar_text: str = declared('', 'the grammar itself, instead of a file')
     defines: tuple[str, ...] = declared(
         (), 'values that override the grammar\'s own, as "name=number"')

@@ -46,7 +46,8 @@ class Spawn:
 
     name: str = declared('', 'of the object that ~/spawn adds and ~/remove takes out; for ~/spawn '
                          'empty = one that is free, such as oak_0')
-    grammar: str = declared('', 'file in grammars/, a path, or package://procphys_ros/…')
+    grammar: str = declared('', 'file in grammars/, a path, or package://procphys_ros/…; or a '
+                            'scanned tree')
     grammar_text: str = declared('', 'the grammar itself; spawn.grammar then names the object')
     defines: tuple[str, ...] = declared(
         (), 'values that override the grammar\'s own, as "name=number"')
