@@ -55,18 +55,18 @@ class _Vertices:
                               f'(classes: {", ".join(self._scales)})')
         scale = self._scales[name]
         if edge == '/':
-            whole = self._at(before, scale - 1, place) if before >= 0 else -1
+            whole = self._at(before, scale - 1) if before >= 0 else -1
             source = self._origin[whole] if whole >= 0 and whole not in self._last else -1
             return self._put(scale, self._part(source, scale), whole, source)
         if before < 0:
             raise place.error(f'{edge}{name} has nothing to follow')
-        parent = self._part(self._at(before, scale, place), scale)
+        parent = self._part(self._at(before, scale), scale)
         if parent < 0:
             raise place.error(f'{edge}{name} has nothing of its scale to follow')
         return self._put(scale, parent, self._complex[parent],
                          before if self.scale[before] > scale else parent)
 
-    def _at(self, vertex: int, most: int, place: Place) -> int:
+    def _at(self, vertex: int, most: int) -> int:
         """Return the vertex, or what it is a part of, at a scale of at most this."""
         while vertex >= 0 and self.scale[vertex] > most:
             vertex = self._complex[vertex]
