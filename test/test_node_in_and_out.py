@@ -183,6 +183,10 @@ def test_the_command_line_spawns_and_removes(client, tmp_path):
     assert speaker.say('remove', 'mine_0') == 0 and 'mine_0 is gone' in speaker.heard
     assert speaker.say('list') == 0 and 'mine_0' not in speaker.heard
     assert 'sapling' in speaker.heard
+    scan = tmp_path / 'oak.csv'  # of which the node reads the file itself
+    scan.write_text('x1,y1,z1,x2,y2,z2,radius\n0,0,0,0,0,2,0.1\n', 'utf-8')
+    assert speaker.say('spawn', str(scan), '9') == 0
+    assert speaker.heard.startswith('oak_0 stands at [9.0, 0.0, 0.0] m, 1 parts')
 
 
 @pytest.mark.parametrize('rate, steps', [(5.0, [4, 16, 28, 40]), (25.0, [4, 7, 9, 12, 14, 16]),

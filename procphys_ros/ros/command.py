@@ -151,8 +151,12 @@ def _text_of(grammar: Path) -> str:
 
 
 def _spawn(remote: Any, said: argparse.Namespace) -> None:
-    remote.change({'spawn.name': said.name, 'spawn.grammar': said.grammar,
-                   'spawn.grammar_text': _text_of(Path(said.grammar)),
+    from procphys_ros.scene.sources import SCANS
+    path = Path(said.grammar)
+    scan = path.suffix in SCANS and path.is_file()  # too large for a parameter: the node reads it
+    remote.change({'spawn.name': said.name,
+                   'spawn.grammar': str(path.absolute()) if scan else said.grammar,
+                   'spawn.grammar_text': '' if scan else _text_of(path),
                    'spawn.defines': said.define, 'spawn.seed': said.seed,
                    'spawn.position': (said.x, said.y, said.z), 'spawn.yaw': said.yaw})
     print(remote.trigger('spawn'))
