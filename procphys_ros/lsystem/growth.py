@@ -125,7 +125,7 @@ class Growth:
             self.modules.values[starts[taken] + column] = values[taken, column]
 
     def _interpret(self, generator: np.random.Generator) -> Modules:
-        depth = self._whole('maximum depth', self._grammar.depth)
+        depth = self._whole('maximum depth', self._grammar.depth, generator)
         return self._grammar.derivation.interpret(self.modules, depth, self._values, generator)
 
     def _turtle(self, generator: np.random.Generator) -> Turtle:
@@ -136,17 +136,18 @@ class Growth:
 
     def _length(self, steps: int | None) -> int:
         if steps is None:
-            return self._whole('derivation length', self._grammar.steps)
+            return self._whole('derivation length', self._grammar.steps, self._generator)
         if not isinstance(steps, numbers.Integral) or not 0 <= steps <= _MOST_STEPS:
             raise GrammarError(f'the number of steps must be a whole number, 0 to {_MOST_STEPS}, '
                                f'found {short(steps)}', self._grammar.source)
         return int(steps)
 
-    def _whole(self, name: str, expression: Expression | None) -> int:
+    def _whole(self, name: str, expression: Expression | None,
+               generator: np.random.Generator) -> int:
         """Evaluate a count of the grammar, 1 where it says nothing."""
         if expression is None:
             return 1
-        number = expression.number(self._values, self._generator)
+        number = expression.number(self._values, generator)
         if number != int(number) or not 0 <= number <= _MOST_STEPS:
             raise expression.place.error(
                 f'{name} must be a whole number from 0 to {_MOST_STEPS}, found {number:g}')
