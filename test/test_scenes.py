@@ -17,7 +17,7 @@
 The shipped scenes do what their names say, each from its file alone.
 
 Where things fall or break, nudged runs of a smaller form of the scene are held to bounds; next
-to each stands the spread of many runs, which is far within. What takes long runs once.
+to each stands the spread of at least forty runs, so far within the bounds that two runs do.
 """
 
 from dataclasses import replace
@@ -48,9 +48,9 @@ def smaller(name, cues, **changes):
     return Scene.from_parameters(values, CONFIG)
 
 
-def envelope(scene, seconds, runs=2, **figures):
+def envelope(scene, seconds, **figures):
     """Measure nudged runs of a scene."""
-    return Envelope(lambda rng: nudge(scene, rng), seconds, figures, runs)
+    return Envelope(lambda rng: nudge(scene, rng), seconds, figures, runs=2)
 
 
 @pytest.fixture
@@ -138,7 +138,7 @@ def test_a_tree_breaks_the_roof_that_it_falls_on():
         return np.isin(hit, rows(simulation, 'cottage', ROOF)).sum()
     scene = smaller('tree_on_house', ['0.0 gust'], gust={'upwind': 4.0, 'rise': 0.5},
                     cottage={'defines': SMALL['cottage']}, pine={'origin': [2.5, -4.0, 0.0]})
-    found = envelope(scene, 1.6, 1, left=height_left('pine'), roof=roof)
+    found = envelope(scene, 1.6, left=height_left('pine'), roof=roof)
     found.bound('left', high=0.55)  # 0.34 to 0.37 in eight runs, 0.26 to 0.37 a little later
     found.bound('roof', 5, share=0.8)  # bonds: 96 to 364
 
@@ -198,7 +198,7 @@ def test_what_is_thrown_goes_through_the_wall(name, cue, defines):
                 - simulation.velocities[missile.part, 1])
     shipped = read_yaml(CONFIG / f'{name}.yaml')
     scene = smaller(name, [cue], **{shipped['scene']['objects'][0]: {'defines': defines}})
-    found = envelope(scene, 0.45, 1, struck=broken_by(Cause.IMPACT), slower=slower)
+    found = envelope(scene, 0.45, struck=broken_by(Cause.IMPACT), slower=slower)
     found.bound('struck', 200)  # 421 to 455, 699 to 721
     found.bound('down', 70, 0.5 * len(scene.blueprint))  # 138 to 147 of 2,953, 219 of 732
     found.bound('slower', 1.5, 10.0)  # [m/s] 3.4 to 4.3, 6.1 to 6.2
@@ -206,11 +206,9 @@ def test_what_is_thrown_goes_through_the_wall(name, cue, defines):
 
 def test_charges_bring_the_whole_block_down(shipped):
     """Bring it down, as large as it is shipped: coarse bounds for one run, and the laws."""
-    simulation = run(shipped('implosion'), 3.0)
+    simulation = run(shipped('implosion'), 3.5)  # a height of 0.49, 0.98 inside
     height, inside = heap(simulation, rows(simulation, 'block', ['brick']))
-    speed = np.nanmedian(simulation.velocities[rows(simulation, 'block', ['brick']), 2])
-    assert height < 0.9 and inside > 0.8 and len(simulation.state.bodies.members) > 200
-    assert speed < -1.0  # [m/s]
+    assert height < 0.75 and inside > 0.8 and len(simulation.state.bodies.members) > 200
 
 
 def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
