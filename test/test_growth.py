@@ -25,6 +25,8 @@ from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.scene import Scene
 
+ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+
 
 def query(text: str, name: str, steps: int = 0, **defines: float) -> list[tuple[float, ...]]:
     """Return the parameters of all modules of a name in the derived string."""
@@ -108,6 +110,18 @@ def test_plants_that_grow_together_see_each_other():
     assert among[0] < 0.8 * alone
     assert leaves(crowd, 3) == among
     assert len(system.build(seed=3, years=9).leaves) == alone
+
+
+def test_a_plant_that_asks_nothing_is_in_the_way_all_the_same():
+    """Shade what asks by what does not."""
+    asking = LSystem.parse('axiom: F(1) ?E(light; 0)')
+    bush = LSystem.parse('axiom: F(2) ' + '[ &(90) /(45) F(0.3) Leaf(1) Leaf(1) ] /(45)' * 8)
+    seen = []
+    for others in ([], [bush.plant(ORIGIN)]):
+        plant = asking.plant(ORIGIN)
+        grow([plant, *others])
+        seen += [module.parameters[0] for module in plant.modules if module.name == '?E light']
+    assert seen[1] < seen[0] - 0.05
 
 
 def test_stress_becomes_even_where_wood_is_laid_on_by_it():

@@ -15,6 +15,7 @@
 """Scanned trees: files of cylinders, plants and skeletons that sway like the trees they are of."""
 
 from dataclasses import replace
+from pathlib import Path
 import time
 
 import numpy as np
@@ -315,6 +316,14 @@ def test_axes_of_an_mtg_follow_the_last_part_of_what_they_grow_from(tmp_path):
     assert len(tree) == 3 and (tree.bonds[:, 0] < 0).sum() == 1
 
 
+def _refused(path: Path, text: str, words: str) -> None:
+    """Check that a file is refused in a line that names it."""
+    with pytest.raises(GrammarError) as caught:
+        _load(path, text)
+    said = str(caught.value)
+    assert said.startswith(f'{path}:') and words in said and '\n' not in said
+
+
 @pytest.mark.parametrize('change, words', [
     (('FORM-A', 'FORM-B'), ':1: the code is "FORM-B"; only FORM-A'),
     (('^<N2', '^<<N2'), ':14:1: "^<<N2" is not understood; vertices are written'),
@@ -331,10 +340,7 @@ def test_axes_of_an_mtg_follow_the_last_part_of_what_they_grow_from(tmp_path):
     (('CODE:', 'COD'), ':1: this stands before the first section')])
 def test_mistakes_in_plants_are_told_with_their_place(change, words, tmp_path):
     """Say in a line what is not understood."""
-    with pytest.raises(GrammarError) as caught:
-        _load(tmp_path / 'tree.mtg', _PLANT.replace(*change, 1))
-    said = str(caught.value)
-    assert said.startswith(f'{tmp_path}/tree.mtg:') and words in said and '\n' not in said
+    _refused(tmp_path / 'tree.mtg', _PLANT.replace(*change, 1), words)
 
 
 _GRAPH = ('ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n'
@@ -393,10 +399,7 @@ def test_edges_of_a_skeleton_may_have_the_radii(tmp_path):
     (('3 1\n0 3\n', ''), ':18: the file ends within edge')])
 def test_mistakes_in_skeletons_are_told_with_their_place(change, words, tmp_path):
     """Name the line, or the number of the vertex or edge."""
-    with pytest.raises(GrammarError) as caught:
-        _load(tmp_path / 'tree.ply', _GRAPH.replace(*change, 1))
-    said = str(caught.value)
-    assert said.startswith(f'{tmp_path}/tree.ply:') and words in said and '\n' not in said
+    _refused(tmp_path / 'tree.ply', _GRAPH.replace(*change, 1), words)
 
 
 @pytest.mark.parametrize('cut', [1, 9])

@@ -21,6 +21,6 @@ derivation the environment answers the queries in the strings of all plants that
 near (`nearest`), and from the statics of the plants themselves (`statics`).
 """
 
-from procphys_ros.environment.questions import KINDS, Plant, Question
+from procphys_ros.environment.questions import KINDS, Plant, Question, STORM
 
-__all__ = ['KINDS', 'Plant', 'Question']
+__all__ = ['KINDS', 'Plant', 'Question', 'STORM']

@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, chain, Shape
 from procphys_ros.environment.nearest import nearest_boxes, nearest_others
-from procphys_ros.environment.questions import Plant, Question
+from procphys_ros.environment.questions import Plant, Question, STORM
 from procphys_ros.environment.sky import above_horizon, CELL, Cells, sky_directions
 from procphys_ros.environment.statics import load, sag
 from procphys_ros.geometry import rotation
@@ -47,7 +47,7 @@ class Habitat:
     standing: Blueprint = field(default_factory=Blueprint)
     terrain: Terrain = FLAT
     wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    storm: float = 20.0
+    storm: float = STORM
     gravity: float = 9.81
     threads: int = 1
 

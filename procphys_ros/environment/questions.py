@@ -30,6 +30,8 @@ KINDS = {
 }
 """Allowed numbers of values by kind."""
 
+STORM = 20.0  # [m/s] strongest wind that plants grow for where nothing else is said: a full gale
+
 
 class Question(NamedTuple):
     """

@@ -93,8 +93,8 @@ class Growth:
             questions.append(Question(
                 kind, found[own, HEAD + walk.POSITION:HEAD + walk.POSITION + 3],
                 np.minimum(found[own, 0].astype(np.intp),
-                           len(drawing.branches) - 1 if drawing else 0)))
-        built = build_drawn(drawing) if drawing and self.asks else None
+                           0 if drawing is None else len(drawing.branches) - 1)))
+        built = None if drawing is None else build_drawn(drawing)
         return Plant(built, self._root, questions)
 
     def tell(self, answers: Mapping[str, np.ndarray]) -> None:
@@ -158,19 +158,20 @@ def grow(plants: Sequence[Growth], habitat: 'Habitat | None' = None) -> None:
     """
     Derive the strings of plants that grow together to their ends.
 
-    Strings with fewer steps than others wait, and are in the way of these.
+    Strings with fewer steps than others wait, and are in the way of these, as is a plant that
+    asks nothing.
 
     :param habitat: where they grow; None = alone, on level ground under an open sky.
     :raises GrammarError: when one cannot be derived or drawn.
     """
-    asking = [plant for plant in plants if plant.asks]
-    if asking and habitat is None:
+    asks = any(plant.asks for plant in plants)
+    if asks and habitat is None:
         from procphys_ros.environment.habitat import Habitat  # with the tree kernel
         habitat = Habitat()
     growing = True
     while growing:
-        if habitat is not None:
-            for plant, answers in zip(asking, habitat.answer([p.ask() for p in asking])):
+        if asks and habitat is not None:
+            for plant, answers in zip(plants, habitat.answer([p.ask() for p in plants])):
                 plant.tell(answers)
         advanced = [plant.advance() for plant in plants]
         growing = any(advanced)

@@ -16,6 +16,7 @@
 
 from dataclasses import dataclass
 
+from procphys_ros.environment import STORM
 from procphys_ros.schema import check, declared
 
 
@@ -40,7 +41,7 @@ class TreeSettings:
         (0.0, 0.0, 0.0), 'steady wind that bends plants while they grow, where their grammars '
         'ask for sag', 'm/s', -100.0, 100.0)
     growth_storm: float = declared(
-        20.0, 'strongest wind, from any side, that plants grow for, where their grammars ask for '
+        STORM, 'strongest wind, from any side, that plants grow for, where their grammars ask for '
         'load', 'm/s', 0.0, 100.0)
 
     def __post_init__(self) -> None:

@@ -281,6 +281,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     substeps, passes, fine = _pace(end - begin + len(held), time_step)
     h = time_step / substeps
     fall = h * length((gravity[0], gravity[1], gravity[2]))
+    # Nothing wins energy where nothing is touched: what is left there is rounding.
     bounces, driven, span = False, hangs or begin == end, h
     for r in contacts:
         for side in range(2):
