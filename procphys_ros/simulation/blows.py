@@ -19,11 +19,9 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.impact import contact_time, FACES, TEETH
+from procphys_ros.physics.impact import contact_time, FACES
 from procphys_ros.physics.kinetic import free_spins
-from procphys_ros.physics.world import BodyState, Contacts, World
-from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.state import State
+from procphys_ros.physics.world import Contacts, World
 
 LEAST_JUMP = 0.5  # [m/s] change of speed by contacts that is not a blow: three times that of
 #                   gravity in a step, so that resting or pushed bodies are never judged
@@ -48,14 +46,6 @@ class Blows(NamedTuple):
     contacts: Contacts
     energy: np.ndarray
     duration: np.ndarray
-
-
-def blows_of(model: Model, state: State, change: np.ndarray) -> Blows:
-    """Measure the contacts of the last step, which made a change of motion, (B, 6)."""
-    bodies, dt = state.world.bodies, model.time_step
-    loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
-    return measure(state.world.contacts(), change, state.rubble.poses, loose, model.gravity * dt,
-                   dt, TEETH)
 
 
 def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,

@@ -177,33 +177,31 @@ def release(model: Model, state: State, pieces: Sequence[np.ndarray],
     if stood.any():
         state.loose_bonds.take_over(state.solver.graph, parts[stood])
     poses, moving = columns.poses[parts], columns.velocities[parts]
+    former = columns.body[parts]
     if carried.any():
         poses[carried], moving[carried] = fragments.part_states(state, parts[carried])
-        _end_bodies(state, columns.body[parts[carried]])
+        _end_bodies(state, former[carried])
     moving = moving if velocities is None else velocities
     single = (np.diff(start) == 1) & stood[start[:-1]]
     rows = start[:-1][single]
-    bodies = columns.body[parts[rows]]
-    state.world.thaw(bodies, moving[rows])
-    fragments.adopt(state, parts[rows], bodies)
-    several = np.repeat(~single, np.diff(start))
-    state.world.remove(columns.body[parts[stood & several]])
+    state.world.thaw(former[rows], moving[rows])
+    fragments.adopt(state, parts[rows], former[rows])
     out = np.empty(len(pieces), np.intp)
-    out[single] = bodies
+    out[single] = former[rows]
     out[~single] = fragments.make_bodies(model, state, [
         (parts[start[i]:start[i + 1]], poses[start[i]:start[i + 1]],
          moving[start[i]:start[i + 1]]) for i in np.flatnonzero(~single).tolist()])
+    replaced = np.flatnonzero(np.repeat(~single, np.diff(start)) & (former >= 0))
+    state.world.replace(former[replaced], columns.body[parts[replaced]])
     return out.tolist()
 
 
 def _end_bodies(state: State, bodies: np.ndarray) -> None:
-    """Remove bodies from the world, in the order in which they are listed first."""
-    ended = list(dict.fromkeys(bodies.tolist()))
-    for body in ended:
+    """Let bodies carry nothing any more, (K,) ids; the world has them still."""
+    for body in dict.fromkeys(bodies.tolist()):
         state.parts.body[state.bodies.members.pop(body)] = -1
         state.bodies.size[body] = 0
     state.bodies.carried = None
-    state.world.remove(np.array(ended, np.intp))
 
 
 def pieces_of(state: State, struck: np.ndarray, plug: np.ndarray) -> list[np.ndarray]:
@@ -248,6 +246,7 @@ def destroy(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
             release(model, state, state.loose_bonds.pieces(rest))
         else:
             _end_bodies(state, np.array([body]))
+            state.world.remove(np.array([body]))
     _vanish(state, parts)
 
 

@@ -15,7 +15,7 @@
 
 """Glass: panes break by bending long before their frames let go, and into shards."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -146,33 +146,52 @@ def shatter_standing(model: Model, state: State,
     breaking.shatter(model, state, shards, cause)
 
 
-def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray,
-          made: Callable[[], Blows], broken: Sequence[np.ndarray]) -> None:
-    """
-    Find the panes in loose pieces that the contacts of the last step broke.
+def glazed(model: Model, state: State) -> np.ndarray:
+    """List the awake bodies that carry panes, (K,) ids."""
+    body = state.carrier[model.glass.parts]
+    return np.unique(body[_are_loose(state, body)])
 
-    A pane breaks when its edges are decelerated across the glass beyond its bending strength, when
-    it is struck at one point, or when a bond of it or of its frame breaks. Writes
-    `state.glass.load`.
+
+def _are_loose(state: State, body: np.ndarray) -> np.ndarray:
+    return np.asarray((body >= 0) & (state.world.bodies.state[body] == BodyState.AWAKE))
+
+
+def judge(model: Model, state: State, struck: np.ndarray, change: np.ndarray, made: Blows,
+          poses: np.ndarray) -> None:
+    """
+    Find the panes in loose pieces that contacts break.
+
+    A pane breaks when its edges are decelerated across the glass beyond its bending strength, or
+    when it is struck at one point. Writes `state.glass.load`.
 
     :param struck: bodies that contacts stopped or pushed, by id, (B,) bool.
     :param change: of velocity by contacts, by id, (B, 6).
-    :param made: returns the blows of the last step.
+    :param made: blows, with all those on struck bodies with panes.
+    :param poses: of all bodies when contacts were found, (B, 7).
+    """
+    own, body = state.glass, state.carrier[model.glass.parts]
+    loose = _are_loose(state, body)
+    rows = np.flatnonzero(loose & struck[body])
+    if not loose.any():
+        return
+    np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], change[body[rows]],
+                                           poses[body[rows]]))
+    np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck, made,
+                                          poses))
+
+
+def crack_frames(model: Model, state: State, broken: Sequence[np.ndarray]) -> None:
+    """
+    Crack the panes of pieces whose bonds, or whose frames' bonds, broke.
+
+    Writes `state.glass.load`.
+
     :param broken: bonds that broke in pieces, rows of the blueprint.
     """
-    own, glass = state.glass, model.glass
-    if not len(glass.parts):
-        return
-    body = state.carrier[glass.parts]
-    loose = (body >= 0) & (state.world.bodies.state[body] == BodyState.AWAKE)
-    if loose.any() and struck.any():
-        rows = np.flatnonzero(loose & struck[body])
-        np.maximum.at(own.load, rows, _bending(model, state, rows, body[rows], change[body[rows]]))
-        np.maximum.at(own.load, *_point_loads(model, state, np.flatnonzero(loose), struck, made))
-    if broken:
-        bent = np.searchsorted(glass.parts, in_bent_frames(model, np.concatenate(broken)))
+    if broken and len(model.glass.parts):
+        own = state.glass
+        bent = np.searchsorted(model.glass.parts, in_bent_frames(model, np.concatenate(broken)))
         own.load[bent] = np.maximum(own.load[bent], _JUST_OVER)
-    own.load[~loose] = 0.0  # it stands, rests as it is, or is gone
 
 
 def in_bent_frames(model: Model, bonds: np.ndarray) -> np.ndarray:
@@ -188,11 +207,6 @@ def in_bent_frames(model: Model, bonds: np.ndarray) -> np.ndarray:
                                             | torn[glass.parts[glass.pane]]]])
 
 
-def is_waiting(state: State) -> bool:
-    """Return whether any cracked pane of a loose piece has not shattered yet."""
-    return bool(np.any(state.glass.load > 1.0))
-
-
 def shatter_loose(model: Model, state: State) -> bool:
     """
     Replace cracked panes of loose pieces by shards, within the budget of bodies.
@@ -200,6 +214,9 @@ def shatter_loose(model: Model, state: State) -> bool:
     :returns: whether any shattered.
     """
     own = state.glass
+    if not own.load.any():
+        return False
+    own.load[~_are_loose(state, state.carrier[model.glass.parts])] = 0.0  # stands, rests or gone
     rows = np.flatnonzero(own.load > 1.0)
     awake = state.world.awake
     own.shards = own.shards[np.isin(own.shards, awake)]
@@ -253,15 +270,15 @@ def _spring_back(model: Model, part: int, pieces: Blueprint) -> np.ndarray:
     return gained
 
 
-def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
-             jump: np.ndarray) -> np.ndarray:
+def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray, jump: np.ndarray,
+             start: np.ndarray) -> np.ndarray:
     """
     Return the bending of panes with decelerated edges over their strength, (K,).
 
     :param rows: panes, (K,); body: ids of their bodies, (K,).
-    :param jump: change of velocity of the bodies, (K, 6).
+    :param jump: change of velocity of the bodies, (K, 6); start: their poses before, (K, 7).
     """
-    parts, start = model.glass.parts[rows], state.rubble.poses[body]
+    parts = model.glass.parts[rows]
     pose = rotation.compose(start, state.parts.local[parts])
     change = jump[:, :3] + np.cross(jump[:, 3:], pose[:, :3] - start[:, :3])
     across = rotation.to_matrix(pose[:, 3:])[np.arange(len(rows)), :, model.glass.thin[rows]]
@@ -273,15 +290,15 @@ def _bending(model: Model, state: State, rows: np.ndarray, body: np.ndarray,
 
 
 def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarray,
-                 made: Callable[[], Blows]) -> tuple[np.ndarray, np.ndarray]:
+                 made: Blows, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
     Return the contact forces on panes over their point strength.
 
     :param rows: loose panes, (K,).
-    :param struck, made: see `judge`.
+    :param struck, made, start: see `judge`.
     :returns: row and load of each contact.
     """
-    contacts, start = state.world.contacts(), state.rubble.poses
+    contacts = made.contacts
     body = state.carrier[model.glass.parts[rows]]
     glazed = np.zeros(len(struck), bool)
     glazed[body] = True
@@ -298,7 +315,7 @@ def _point_loads(model: Model, state: State, rows: np.ndarray, struck: np.ndarra
     if not on.any():
         return rows[on], np.zeros(0)
     force = norm(contacts.impulse[touch[on]], axis=1)
-    force /= made().duration[touch[on]]
+    force /= made.duration[touch[on]]
     return rows[on], force / _point_force(model, parts[on])
 
 

@@ -12,17 +12,17 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Impacts: break loose pieces again where contacts overload their bonds, at once or for long."""
+"""Impacts: break what contacts overload, at once or for long, while the engine moves bodies."""
 
-from collections.abc import Iterator
-from functools import cache, partial
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
-from typing import cast
 
 import numpy as np
 
 from procphys_ros.blueprint import Law
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.impact import FACES, TEETH
 from procphys_ros.physics.masonry import Breakage
 from procphys_ros.physics.masonry.contact_forces import (
     BodyContacts,
@@ -30,15 +30,15 @@ from procphys_ros.physics.masonry.contact_forces import (
     spread,
     turned_back,
 )
-from procphys_ros.physics.world import BodyState
-from procphys_ros.physics.world.returned_impulses import Begun, give_back
-from procphys_ros.simulation import breaking, contact_exclusions, fragments, glass
+from procphys_ros.physics.world import BodyState, Contacts
+from procphys_ros.physics.world.returned_impulses import Begun, give_back, group_bodies
+from procphys_ros.simulation import breaking, contact_exclusions, fragments, glass, yielding
 from procphys_ros.simulation.blows import (
     Blows,
-    blows_of,
     change_by_contacts,
     energies,
     LEAST_JUMP,
+    measure,
     struck_bodies,
 )
 from procphys_ros.simulation.model import Model
@@ -85,24 +85,20 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
     :param grain: number of parts of the smallest pieces within the budget.
     """
     own, known = state.rubble, state.bodies
-    own.unsampled += dt
-    if own.unsampled < _INTERVAL - 1e-9:
-        return []
-    own.unsampled = 0.0
     awake = state.world.awake[state.world.awake < len(known.size)]
     large = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
                   & (state.world.bodies.radius[awake] > _LONG)]
     chosen = np.union1d(large, _pressed(model, state, awake, dt))
     waits = {blow.body for blow in own.waiting}
     samples, due = {}, []
-    for body, contacts in zip(chosen.tolist(), _contacts_of(state, chosen, dt)):
+    felt = _contacts_of(state.world.contacts(), dt, own.poses, chosen)[0] if len(chosen) else []
+    for body, contacts in zip(chosen.tolist(), felt):
         parts, before = own.borne.get(body, (None, ()))
         if parts is not known.members[body]:
             parts, before = known.members[body], ()
         samples[body] = parts, (*before, contacts)[-_SAMPLES:]
         if len(samples[body][1]) == _SAMPLES and body not in waits:
-            due.append(PieceBlow(body, parts, _mean(samples.pop(body)[1]), np.inf,
-                                 np.zeros(0, int)))
+            due.append(PieceBlow(body, parts, _mean(samples.pop(body)[1]), np.inf))
     own.borne = samples
     return due
 
@@ -125,20 +121,29 @@ def _pressed(model: Model, state: State, awake: np.ndarray, dt: float) -> np.nda
     return awake[several & bears]
 
 
-def _contacts_of(state: State, chosen: np.ndarray, dt: float) -> list[BodyContacts]:
-    """Return the contact forces of the last step on each of some bodies, in its own frame."""
-    if not len(chosen):
-        return []
-    contacts, start = state.world.contacts().both_ways(), state.rubble.poses
-    index = np.full(len(start), -1)
+def _contacts_of(contacts: Contacts, duration: float | np.ndarray, poses: np.ndarray,
+                 chosen: np.ndarray) -> tuple[list[BodyContacts], np.ndarray, np.ndarray]:
+    """
+    List the contact forces on each of some bodies, in its own frame.
+
+    :param duration: impulse over force [s], of all or of each, (C,).
+    :param poses: of all bodies when the contacts were found, (B, 7).
+    :param chosen: ids, (K,).
+    :returns: the contacts of each; their rows among those that have the body as the first, and
+        then as the second, (R,); and where the rows of each body start, (K + 1,).
+    """
+    twice = contacts.both_ways()
+    index = np.full(len(poses), -1)
     index[chosen] = np.arange(len(chosen))
-    owner = index[contacts.body_a]
+    owner = index[twice.body_a]
     rows = np.argsort(owner, kind='stable')[np.count_nonzero(owner < 0):]
     ends = np.searchsorted(owner[rows], np.arange(len(chosen) + 1))
-    frame = start[contacts.body_a[rows]]
-    columns = (*turned_back(frame, contacts.point[rows] - frame[:, :3], contacts.normal[rows],
-                            contacts.impulse[rows] / dt), contacts.body_b[rows])
-    return [BodyContacts(*(c[low:high] for c in columns)) for low, high in pairwise(ends)]
+    frame = poses[twice.body_a[rows]]
+    last = np.tile(np.broadcast_to(duration, len(contacts)), 2)[rows]
+    columns = (*turned_back(frame, twice.point[rows] - frame[:, :3], twice.normal[rows],
+                            twice.impulse[rows] / last[:, None]), twice.body_b[rows])
+    return [BodyContacts(*(c[low:high] for c in columns))
+            for low, high in pairwise(ends)], rows, ends
 
 
 def _mean(samples: tuple[BodyContacts, ...]) -> BodyContacts:
@@ -149,45 +154,138 @@ def _mean(samples: tuple[BodyContacts, ...]) -> BodyContacts:
 
 def step(model: Model, state: State, dt: float) -> None:
     """
-    Break the pieces that the contacts of the engine's step overloaded.
+    Break pieces that lasting contacts overload, or whose blows wait, and cracked panes.
 
-    The engine lets pieces collide as rigid bodies. Where a blow exceeds the strength of their
-    bonds, only the transmitted share of the impulse was real: the rest is removed on both sides,
-    the piece is split, and the parts collide on their own from the next step on. Momentum is kept:
-    both sides get equal and opposite shares back. Writes bodies and their bonds.
+    Writes bodies and their bonds.
     """
-    if not (len(state.world.awake) or state.rubble.waiting or glass.is_waiting(state)):
-        return
-    begun, fall = Begun(state.rubble.poses, state.rubble.velocities), model.gravity * dt
-    change = change_by_contacts(state.world, *begun, fall)
-    struck = struck_bodies(state.world, change)
-    state.rubble.waiting += overloading(model, state, struck, _grain(model, state), dt)
-    if not (state.rubble.waiting or glass.is_waiting(state) or struck.any()):
-        return
-    share = np.ones(len(struck))
-    grain, room = _grain(model, state), _room(model, state)
-    splits = (len(state.rubble.waiting) > 0 or np.max(state.bodies.size, initial=0)
-              >= 2.0 * (grain if room >= 2 else _LUMP * grain))
-    broken = []
-    made = cache(partial(blows_of, model, state, change))  # expensive: milliseconds
-    if splits:
-        broken = _break(model, state, struck, made(), grain, room, share)
-    glass.judge(model, state, struck, change, made, [result.bonds for _, result in broken])
-    if broken:
-        state.world.keep_impulses(give_back(state.world, state.world.contacts(), begun, fall,
-                                            share, change))
-        bonds, causes, loads = (np.concatenate(column) for column in zip(*(
-            (result.bonds, _causes(model, blow, result.bonds), result.load)
-            for blow, result in broken)))
-        breaking.break_bonds(model, state, bonds, causes, loads)
-        for _, result in broken:
-            contact_exclusions.add_split(state, result.pieces)
-        breaking.release(model, state, [piece for _, result in broken if len(result.pieces) > 1
-                                        for piece in result.pieces])
-        for _, result in broken:
-            fragments.hang(model, state, result.bonds)
+    rubble = state.rubble
+    rubble.unsampled += dt
+    if rubble.unsampled >= _INTERVAL - 1e-9 and len(state.world.awake):
+        rubble.unsampled = 0.0
+        begun = Begun(rubble.poses, rubble.velocities)
+        struck = struck_bodies(state.world, change_by_contacts(state.world, *begun,
+                                                               model.gravity * dt))
+        rubble.waiting += overloading(model, state, struck, _grain(model, state), dt)
+    blows = [b for b in rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
+    broken, rubble.waiting = _break(model, state, blows)
+    _split(model, state, broken)
+    glass.crack_frames(model, state, [result.bonds for _, result in broken])
     if glass.shatter_loose(model, state) or broken:
         fragments.write_poses(model, state, dt)
+
+
+def judge(model: Model, state: State, others: Sequence[Callable[[], object]], rows: np.ndarray,
+          poses: np.ndarray, velocities: np.ndarray, duration: float) -> None:
+    """
+    Break what the contacts found by one query of the engine overload, standing or loose.
+
+    The engine lets bodies collide as rigid ones. Where a blow exceeds the strength of bonds, only
+    the transmitted share of its impulse was real: the rest is removed on both sides, what breaks
+    is released or split, and its parts collide on their own from the next query on. Momentum is
+    kept: both sides get equal and opposite shares back. Writes `rows`, bodies, parts, bonds and
+    loads, and the cracks of panes.
+
+    :param others: wait for parallel work that reads standing parts.
+    :param rows, poses, velocities, duration: see `Looked`.
+    """
+    begun, fall = Begun(poses, velocities), model.gravity * duration
+    change = change_by_contacts(state.world, *begun, fall)
+    struck = struck_bodies(state.world, change)
+    if not struck.any():
+        return
+    pairs, bodies = rows[:, :2].astype(np.intp), state.world.bodies
+    standing, hits = yielding.hit(state, pairs, struck)
+    felt = pairs[struck[pairs].any(axis=1)]
+    weak = felt[_may_split(model, state)[felt]]
+    loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
+    strikers = pairs[hits][standing[hits] < 0]
+    near, group = _connected(pairs, np.concatenate([strikers, weak]), loose > 0.0)
+    if not len(near):
+        return
+    contacts, share = Contacts.of(rows[near], duration), np.ones(len(struck))
+    made, found = partial(measure, contacts, change, poses, loose, fall, duration), []
+    if hits.any():
+        for ended in others:
+            ended()
+        found = yielding.exits(state, made(FACES), np.flatnonzero(hits[near]), standing[near],
+                               group, share)
+    broken = _struck_pieces(model, state, struck, change, made(TEETH), poses) if len(weak) else []
+    share[[blow.body for blow, _ in broken]] = [result.share for _, result in broken]
+    if found or broken:
+        rows[near, 9:] *= give_back(state.world, contacts, begun, fall, share, change)[:, None]
+        yielding.release(model, state, found)
+        _split(model, state, broken)
+        _join_step(state, [*(out.parts for out, _ in found), *(blow.parts for blow, _ in broken)])
+
+
+def _connected(pairs: np.ndarray, chosen: np.ndarray,
+               moving: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Find the contacts of some bodies, and of all that are connected with these by contacts.
+
+    :param pairs: bodies of each contact, (C, 2).
+    :param chosen: ids, (K,).
+    :param moving: bodies that move freely, by id, (B,) bool.
+    :returns: rows of the contacts, and the groups of bodies, see `group_bodies`.
+    """
+    group = group_bodies(pairs[:, 0], pairs[:, 1], moving)
+    among = np.zeros(len(group), bool)
+    among[group[chosen]] = True
+    return np.flatnonzero((among[group[pairs]] & moving[pairs]).any(axis=1)), group
+
+
+def _struck_pieces(model: Model, state: State, struck: np.ndarray, change: np.ndarray, made: Blows,
+                   poses: np.ndarray) -> list[tuple[PieceBlow, Breakage]]:
+    """
+    List the pieces that blows break, which are still whole, and crack panes.
+
+    See `glass.judge`.
+    """
+    broken, waiting = _break(model, state, _blows(model, state, made, struck, poses))
+    state.rubble.waiting += waiting
+    glass.judge(model, state, struck, change, made, poses)
+    glass.crack_frames(model, state, [result.bonds for _, result in broken])
+    return broken
+
+
+def _may_split(model: Model, state: State) -> np.ndarray:
+    """Mark bodies that are large enough to be broken, or have panes, by id, (B,) bool."""
+    grain, size = _grain(model, state), state.bodies.size
+    out = np.zeros(len(state.world.bodies.state), bool)
+    out[:len(size)] = (size >= 2.0 * (grain if _room(model, state) >= 2 else _LUMP * grain)
+                       )[:len(out)]
+    out[glass.glazed(model, state)] = True
+    return out
+
+
+def _split(model: Model, state: State, broken: list[tuple[PieceBlow, Breakage]]) -> None:
+    """Break bonds in pieces, and make bodies of the remains."""
+    if not broken:
+        return
+    bonds, causes, loads = (np.concatenate(column) for column in zip(*(
+        (result.bonds, _causes(model, blow, result.bonds), result.load)
+        for blow, result in broken)))
+    breaking.break_bonds(model, state, bonds, causes, loads)
+    known = len(state.excluded)
+    for _, result in broken:
+        contact_exclusions.add_split(state, result.pieces)
+    breaking.release(model, state, [piece for _, result in broken if len(result.pieces) > 1
+                                    for piece in result.pieces])
+    if len(state.excluded) > known:
+        contact_exclusions.update(model, state)
+    for _, result in broken:
+        fragments.hang(model, state, result.bonds)
+
+
+def _join_step(state: State, pieces: list[np.ndarray]) -> None:
+    """Record the present motion of new bodies as that before the engine's step."""
+    rubble, bodies = state.rubble, state.world.bodies
+    fresh = np.unique(state.parts.body[np.concatenate(pieces)])
+    for name in ('poses', 'velocities'):
+        column, kept = getattr(bodies, name), getattr(rubble, name)
+        kept = np.concatenate([kept, column[len(kept):]])
+        kept[fresh] = column[fresh]
+        setattr(rubble, name, kept)
 
 
 def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
@@ -199,56 +297,42 @@ def _far(model: Model, state: State, bodies: np.ndarray) -> np.ndarray:
     return state.observer.distance(table.poses[bodies, :3]) > sharp + table.radius[bodies]
 
 
-def _break(model: Model, state: State, struck: np.ndarray, made: Blows, grain: float, room: int,
-           share: np.ndarray) -> list[tuple[PieceBlow, Breakage]]:
+def _break(model: Model, state: State, blows: list[PieceBlow]
+           ) -> tuple[list[tuple[PieceBlow, Breakage]], list[PieceBlow]]:
     """
-    Judge the blows on pieces.
+    Judge blows on pieces; nothing is broken yet.
 
-    :param struck: see `_struck`.
-    :param made: blows of the last step.
-    :param grain: see `_grain`.
-    :param room: see `_room`.
-    :param share: of the impulses on each body that its bonds transmitted, by id, (B,), written in
-        place.
-    :returns: the blows that broke bonds, with their breakage.
+    :returns: the blows that break bonds, with their breakage, and those that are judged later.
     """
-    blows = [b for b in state.rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
-    late = len(blows)
-    known = {b.body for b in blows}
-    blows += [b for b in _blows(model, state, made, struck, grain)
-              if b.body not in known]
-    state.rubble.waiting = []
     if not blows:
-        return []
+        return [], []
+    grain, room = _grain(model, state), _room(model, state)
     far = _far(model, state, np.array([b.body for b in blows], np.intp))
-    chosen, wanted, work = [], [], 0
-    for turn, cells in enumerate(_cells(blows, room, grain)):
-        cells = min(cells, _COARSE) if far[turn] else cells
+    chosen, wanted, work, waiting = [], [], 0, []
+    for blow, cells, distant in zip(blows, _cells(blows, room, grain), far.tolist()):
+        cells = min(cells, _COARSE) if distant else cells
         if cells < 2:
             continue
-        if work > _WORK and len(blows[turn].parts) < _LUMP * grain:
-            state.rubble.waiting += _with_contacts(state, [blows[turn]], made)
+        if work > _WORK and len(blow.parts) < _LUMP * grain:
+            waiting.append(blow)
             continue
-        work += len(blows[turn].parts) + _PER_CELL * cells
-        chosen.append(turn)
+        work += len(blow.parts) + _PER_CELL * cells
+        chosen.append(blow)
         wanted.append(cells)
     if not chosen:
-        return []
-    judged = _with_contacts(state, [blows[turn] for turn in chosen], made)
+        return [], waiting
     results = state.loose_bonds.strike_all(
-        [blow.parts for blow in judged],
-        np.concatenate([_wrenches(model, state, blow) for blow in judged]), wanted,
-        [blow.energy for blow in judged])
-    for turn, blow, result in zip(chosen, judged, results):
-        if len(result.bonds) and turn >= late:  # the impulse of a late blow was applied before
-            share[blow.body] = result.share
-    return [(blow, result) for blow, result in zip(judged, results) if len(result.bonds)]
+        [blow.parts for blow in chosen],
+        np.concatenate([_wrenches(model, state, blow) for blow in chosen]), wanted,
+        [blow.energy for blow in chosen])
+    return [(blow, result) for blow, result in zip(chosen, results)
+            if len(result.bonds)], waiting
 
 
 def _wrenches(model: Model, state: State, blow: PieceBlow) -> np.ndarray:
     """Distribute a blow over the parts of its body, in the frame of the blueprint, (P, 6)."""
-    parts, contacts = blow.parts, cast(BodyContacts, blow.contacts)
-    return spread(contacts, state.parts.local[parts], state.parts.size[parts],
+    parts = blow.parts
+    return spread(blow.contacts, state.parts.local[parts], state.parts.size[parts],
                   model.blueprint.poses[parts])
 
 
@@ -268,74 +352,51 @@ def _grain(model: Model, state: State) -> float:
 
 
 def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
-           grain: float) -> Iterator[PieceBlow]:
+           poses: np.ndarray) -> list[PieceBlow]:
     """
     List the blows that might break a piece, the hardest first.
 
-    :param made: blows of the last step.
     :param struck: bodies that were stopped or pushed; others only rest on each other.
-    :param grain: number of parts of the smallest pieces within the budget.
+    :param poses: of all bodies when the contacts were found, (B, 7).
     """
-    contacts = made.contacts
+    contacts, grain = made.contacts, _grain(model, state)
     bodies, known, bonds = state.world.bodies, state.bodies, state.loose_bonds
     count = len(bodies.state)
     side = np.concatenate([contacts.body_a, contacts.body_b])
     push = np.tile(np.sqrt((contacts.impulse * contacts.impulse).sum(axis=1)), 2)
-    by_blow = struck[side] | struck[np.concatenate([contacts.body_b, contacts.body_a])]
-    felt = np.bincount(side, push * by_blow, count)
-    rows = np.flatnonzero(by_blow[:len(contacts)])
-    pair = np.concatenate([rows, rows + len(contacts)])
-    duration = made.duration[rows]
-    force = np.bincount(side[pair], push[pair] / np.tile(duration, 2), count)
+    push *= np.tile(struck[contacts.body_a] | struck[contacts.body_b], 2)
+    felt = np.bincount(side, push, count)
+    force = np.bincount(side, push / np.tile(made.duration, 2), count)
     size = np.zeros(count, np.intp)
     size[:len(known.size)] = known.size[:count]
     chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > LEAST_JUMP * bodies.mass)
                             & (bodies.state == BodyState.AWAKE))
     far = _far(model, state, chosen)
     chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
-    order = np.argsort(side, kind='stable')
-    start = np.searchsorted(side[order], np.arange(count + 1))
+    chosen = chosen[~np.isin(chosen, [blow.body for blow in state.rubble.waiting])]
     if not len(chosen):
-        return
+        return []
     chosen = chosen[np.argsort(-felt[chosen], kind='stable')]
     parts = [known.parts_of(body) for body in chosen.tolist()]
     every, begin = np.concatenate(parts), np.cumsum([0, *(len(own) for own in parts)])[:-1]
     least = np.minimum(np.minimum.reduceat(bonds.weakest[every], begin),
                        np.minimum.reduceat(bonds.weakest_bent[every], begin)
                        / (_LEVER * bodies.radius[chosen]))
-    for n in np.flatnonzero(force[chosen] > _SCREEN * least).tolist():
-        body = int(chosen[n])
-        yield PieceBlow(body, parts[n], None, 0.0, order[start[body]:start[body + 1]])
+    hard = np.flatnonzero(force[chosen] > _SCREEN * least)
+    if not len(hard):
+        return []
+    return [PieceBlow(body, parts[n], *blow) for n, body, *blow
+            in zip(hard.tolist(), chosen[hard].tolist(), *_felt(made, poses, chosen[hard]))]
 
 
-def _with_contacts(state: State, blows: list[PieceBlow], made: Blows) -> list[PieceBlow]:
-    """
-    Select the contacts of the blows that have none yet, all at once.
-
-    Contacts with the body as the second are listed after all others.
-    """
-    fresh = [n for n, blow in enumerate(blows) if blow.contacts is None]
-    if not fresh:
-        return blows
+def _felt(made: Blows, poses: np.ndarray,
+          chosen: np.ndarray) -> tuple[list[BodyContacts], list[float]]:
+    """Return the contacts of bodies, (K,) ids, and the energies of the motion they stop [J]."""
     contacts = made.contacts
-    ends = np.cumsum([0, *(len(blows[n].rows) for n in fresh)])
-    rows = np.concatenate([blows[n].rows for n in fresh])
-    body = np.repeat([blows[n].body for n in fresh], np.diff(ends))
-    first = rows < len(contacts)
-    rows = rows % len(contacts)
-    sign = np.where(first, 1.0, -1.0)[:, None]
-    start = state.rubble.poses[body]
-    columns = (*turned_back(start, contacts.point[rows] - start[:, :3],
-                            sign * contacts.normal[rows],
-                            sign * contacts.impulse[rows] / made.duration[rows][:, None]),
-               np.where(first, contacts.body_b[rows], contacts.body_a[rows]))
-    energy = np.where(first[:, None], made.energy[rows], made.energy[rows, ::-1])
-    stopped = energies(energy, columns[-1], ends)
-    out = list(blows)
-    for n, low, high, own in zip(fresh, ends, ends[1:], stopped.tolist()):
-        out[n] = blows[n]._replace(contacts=BodyContacts(*(c[low:high] for c in columns)),
-                                   energy=own)
-    return out
+    felt, rows, ends = _contacts_of(contacts, made.duration, poses, chosen)
+    energy = np.concatenate([made.energy, made.energy[:, ::-1]])[rows]
+    other = np.concatenate([contacts.body_b, contacts.body_a])[rows]
+    return felt, energies(energy, other, ends).tolist()
 
 
 def _causes(model: Model, blow: PieceBlow, bonds: np.ndarray) -> np.ndarray:

@@ -34,7 +34,6 @@ from procphys_ros.simulation import (
     projectiles,
     trees,
     wall_loads,
-    yielding,
 )
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
@@ -67,7 +66,7 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
     """
     Move and collide rigid bodies; solve stresses, and move leaves and dust, in parallel.
 
-    Writes `state.world`, `state.rubble`, stresses, leaves and dust, and the output of `yielding`.
+    Writes `state.world`, `state.rubble`, stresses, leaves and dust, and see `impacts.judge`.
     """
     bodies, rubble = state.world.bodies, state.rubble
     with ExitStack() as meanwhile:  # waits for both, even on errors
@@ -77,8 +76,7 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
             meanwhile.callback(ended)
         rubble.velocities = bodies.copied('velocities', rubble.velocities)
         rubble.poses = bodies.copied('poses', rubble.poses)
-        looked = partial(yielding.judge, model, state, others) if state.standing.any() else None
-        state.world.step(dt, model.threads, looked)
+        state.world.step(dt, model.threads, partial(impacts.judge, model, state, others))
 
 
 STAGES = (

@@ -12,9 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Yielding: standing parts that give way to what hits them, while the engine moves bodies."""
+"""Yielding: standing parts that give way to what hits them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -23,10 +23,8 @@ from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import ALIKE
 from procphys_ros.physics.masonry import punched
-from procphys_ros.physics.world import BodyState, Contacts
-from procphys_ros.physics.world.returned_impulses import Begun, give_back, group_bodies
 from procphys_ros.simulation import breaking, masonry
-from procphys_ros.simulation.blows import Blows, change_by_contacts, measure, struck_bodies
+from procphys_ros.simulation.blows import Blows
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
 from procphys_ros.simulation.wall_loads import part_of_body
@@ -54,52 +52,41 @@ class Pushes(NamedTuple):
     energy: float
 
 
-def judge(model: Model, state: State, others: Sequence[Callable[[], object]], rows: np.ndarray,
-          poses: np.ndarray, velocities: np.ndarray, duration: float) -> None:
+def hit(state: State, pairs: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """
-    Release the standing parts that the contacts found by one query of the engine drive out.
+    Find the contacts in which what stands is struck.
+
+    :param pairs: bodies of each contact, (C, 2).
+    :param struck: bodies whose motion contacts changed abruptly, by id, (B,) bool.
+    :returns: the standing part of each body of each contact, -1 for others, (C, 2), and a mask of
+        these contacts, (C,).
+    """
+    standing = part_of_body(state)[pairs]
+    return standing, (standing >= 0).any(axis=1) & struck[pairs].any(axis=1)
+
+
+def exits(state: State, made: Blows, hits: np.ndarray, standing: np.ndarray, group: np.ndarray,
+          share: np.ndarray) -> list[tuple[masonry.Exit, masonry.Strike]]:
+    """
+    List what blows drive out of what stands, and the blow of each.
 
     The engine treats standing parts as immovable. Where they give way, bodies get back the excess
     of their impulse, and meet the released parts, at rest until then, in the next query.
-    Writes `rows`, bodies, parts, bonds and loads.
 
-    :param others: wait for parallel work that reads standing parts.
-    :param rows, poses, velocities, duration: see `Looked`.
+    :param made: contacts, with all those of the bodies that strike.
+    :param hits: contacts in which standing parts are struck, (K,) rows.
+    :param standing: standing part of each body of a contact, -1 for others, (C, 2).
+    :param group: number of the group of each body, see `group_bodies`, (B,).
+    :param share: of the impulses that each body took, by id, (B,); written where parts give way.
     """
-    pairs = rows[:, :2].astype(np.intp)
-    standing = part_of_body(state)[pairs]
-    hits = np.asarray((standing >= 0).any(axis=1))
-    if not hits.any():
-        return
-    begun, fall = Begun(poses, velocities), model.gravity * duration
-    change = change_by_contacts(state.world, *begun, fall)
-    hits &= struck_bodies(state.world, change)[pairs].any(axis=1)
-    if not hits.any():
-        return
-    for ended in others:
-        ended()
-    bodies = state.world.bodies
-    loose = np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0)
-    moving = np.asarray(loose > 0.0)
-    group = group_bodies(pairs[:, 0], pairs[:, 1], moving)
-    striking = np.zeros(len(group), bool)
-    striking[group[pairs[hits][standing[hits] < 0]]] = True
-    near = np.flatnonzero((striking[group[pairs]] & moving[pairs]).any(axis=1))
-    contacts = Contacts.of(rows[near], duration)
-    made = measure(contacts, change, poses, loose, fall, duration)
     found, leaves = [], np.zeros(len(state.parts.owner), bool)
-    for pushes in _alike(made, np.flatnonzero(hits[near]), standing[near], group):
+    for pushes in _alike(made, hits, standing, group):
         for out, blow in _exits(state, pushes):
             if not leaves[out.parts].any():  # else the next query judges the rest
                 found.append((out, blow))
                 leaves[out.parts] = True
-    if not found:
-        return
-    share = np.ones(len(bodies.state))
-    for out, blow in found:
-        share[state.parts.body[out.parts]] = out.passed_on / blow.momentum
-    rows[near, 9:] *= give_back(state.world, contacts, begun, fall, share, change)[:, None]
-    _release(model, state, found)
+                share[state.parts.body[out.parts]] = out.passed_on / blow.momentum
+    return found
 
 
 def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
@@ -157,9 +144,11 @@ def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry
             yield out, blow
 
 
-def _release(model: Model, state: State,
-             found: list[tuple[masonry.Exit, masonry.Strike]]) -> None:
+def release(model: Model, state: State,
+            found: list[tuple[masonry.Exit, masonry.Strike]]) -> None:
     """Release parts from rest, and apply the reaction of their bonds to the neighbours."""
+    if not found:
+        return
     for out, blow in found:
         masonry.apply_impulse_around(state, out.withstood.bonds, out.parts,
                                      out.passed_on * blow.direction,
@@ -167,10 +156,3 @@ def _release(model: Model, state: State,
     pieces = [piece for out, _ in found for piece in out.pieces]
     breaking.release(model, state, pieces, np.zeros((sum(map(len, pieces)), 6)), Cause.IMPACT,
                      np.array([out.load for out, _ in found]))
-    rubble, bodies = state.rubble, state.world.bodies
-    fresh = np.unique(state.parts.body[np.concatenate(pieces)])
-    for name in ('poses', 'velocities'):
-        column, kept = getattr(bodies, name), getattr(rubble, name)
-        kept = np.concatenate([kept, column[len(kept):]])
-        kept[fresh] = column[fresh]
-        setattr(rubble, name, kept)

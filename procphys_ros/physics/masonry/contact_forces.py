@@ -50,16 +50,14 @@ class PieceBlow(NamedTuple):
 
     :ivar body: id.
     :ivar parts: of the body, (P,).
-    :ivar contacts: of the body; None = not selected yet.
+    :ivar contacts: of the body.
     :ivar energy: of the motion that they stop [J], see `blows.energies`; inf = they last.
-    :ivar rows: of all contacts, from which to select them.
     """
 
     body: int
     parts: np.ndarray
-    contacts: BodyContacts | None
+    contacts: BodyContacts
     energy: float
-    rows: np.ndarray
 
 
 @kernel

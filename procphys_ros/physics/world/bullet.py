@@ -38,6 +38,7 @@ from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.contacts import hand_on
 from procphys_ros.physics.world.engine import COLLISION_FILTERS, Looked, TERRAIN_MARGIN
 from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pieces import Pieces
@@ -297,6 +298,10 @@ class BulletEngine:
             pybullet.removeBody(handle, **self._to)
         self._handles[ids] = -1
         self._told = self._told[~np.isin(self._told[:, :2], ids).any(axis=1)]
+
+    def hand_on(self, former: np.ndarray, heirs: np.ndarray, bounds: np.ndarray) -> None:
+        """Hand contacts of the last step on to bodies in the place of others; see `hand_on`."""
+        hand_on(self._told, former, heirs, bounds)
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""

@@ -84,3 +84,21 @@ def total_impulse(body: int, centre: np.ndarray, *tables: Contacts) -> np.ndarra
     touches = [table.on(body)[1:] for table in tables]
     point, impulse = (np.concatenate(columns) for columns in zip(*touches))
     return np.concatenate([impulse.sum(axis=0), np.cross(point - centre, impulse).sum(axis=0)])
+
+
+def hand_on(rows: np.ndarray, former: np.ndarray, heirs: np.ndarray, bounds: np.ndarray) -> None:
+    """
+    Hand contacts of bodies on to the nearest of those in their place; writes `rows`.
+
+    :param rows: of `Engine.contacts`, (C, 13).
+    :param former, heirs: pairs of ids, the former ascending, (K,).
+    :param bounds: of the heirs [m], (K, 6).
+    """
+    for side in (0, 1):
+        low = np.searchsorted(former, rows[:, side])
+        high = np.searchsorted(former, rows[:, side], 'right')
+        rows[high == low + 1, side] = heirs[low[high == low + 1]]
+        for c in np.flatnonzero(high > low + 1).tolist():
+            own, point = bounds[low[c]:high[c]], rows[c, 2:5]
+            gap = np.maximum(np.maximum(own[:, :3] - point, point - own[:, 3:]), 0.0)
+            rows[c, side] = heirs[low[c] + np.argmin((gap * gap).sum(axis=1))]

@@ -84,6 +84,9 @@ class Engine(Protocol):
     def remove(self, ids: np.ndarray) -> None:
         """Remove bodies, (K,) ids."""
 
+    def hand_on(self, former: np.ndarray, heirs: np.ndarray, bounds: np.ndarray) -> None:
+        """Hand contacts of the last step on to bodies in the place of others; see `hand_on`."""
+
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, at no cost per step, (K,) ids."""
 

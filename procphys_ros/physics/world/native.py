@@ -37,6 +37,7 @@ from procphys_ros.physics.rigid.reduction import spanning
 from procphys_ros.physics.rigid.solver import efforts, follow, MovingBodies, solve
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
+from procphys_ros.physics.world.contacts import hand_on
 from procphys_ros.physics.world.engine import Looked
 from procphys_ros.physics.world.joint_table import JointTable
 from procphys_ros.physics.world.pairs import PairList
@@ -191,7 +192,15 @@ class NativeEngine:
         self._pieces.bounds[rows] = [np.inf] * 3 + [-np.inf] * 3
         self._count[ids] = 0
         self._near.forget()
-        self._told = [rows[~np.isin(rows[:, :2], ids).any(axis=1)] for rows in self._told]
+        for k, rows in enumerate(self._told):
+            gone = np.isin(rows[:, :2], ids).any(axis=1)
+            if gone.any():
+                self._told[k] = rows[~gone]
+
+    def hand_on(self, former: np.ndarray, heirs: np.ndarray, bounds: np.ndarray) -> None:
+        """Hand contacts of the last step on to bodies in the place of others; see `hand_on`."""
+        for rows in self._told:
+            hand_on(rows, former, heirs, bounds)
 
     def freeze(self, ids: np.ndarray) -> None:
         """Make bodies immovable, (K,) ids."""
@@ -230,12 +239,12 @@ class NativeEngine:
                                                table.copied('velocities', velocities))
             rows = self._move(time_step / looks, 1.0 / looks)
             self._told.append(rows)
+            carried = self._carried(rows, poses)
             if looked is not None:
                 self._let_look(looked, rows, poses, velocities, time_step / looks)
-            rows = self._told[-1]
-            rows[:, 2:5] -= self._carried(rows, poses)
+            rows[:, 2:5] -= carried
             if k < looks - 1:
-                self._told[-1] = rows[rows[:, 12] > 0.0]
+                self._told[-1] = self._told[-1][self._told[-1][:, 12] > 0.0]
         self._told = [np.concatenate(self._told)]
         self._told[0][:, 9:] /= looks
 

@@ -254,6 +254,16 @@ class World:
         self._asleep = self._asleep[~np.isin(self._asleep[:, :2], ids).any(axis=1)]
         self.thaw(carried[self._bodies.state[carried] == BodyState.RESTING])
 
+    def replace(self, former: np.ndarray, heirs: np.ndarray) -> None:
+        """
+        Remove bodies in whose place others are; contacts of this step go to the nearest of these.
+
+        :param former, heirs: pairs of ids, (K,); a body may have several heirs.
+        """
+        pairs = np.unique(np.column_stack([former, heirs]), axis=0)
+        self._engine.hand_on(pairs[:, 0], pairs[:, 1], self.bounds(pairs[:, 1]))
+        self.remove(np.array(list(dict.fromkeys(former.tolist())), np.intp))
+
     def drive(self, body: int, pose: np.ndarray) -> None:
         """Set the pose of a kinematic body at the end of the next step, (7,)."""
         self._bodies.target[body] = pose
