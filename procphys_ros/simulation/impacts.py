@@ -365,18 +365,18 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
     side = np.concatenate([contacts.body_a, contacts.body_b])
     push = np.tile(np.sqrt((contacts.impulse * contacts.impulse).sum(axis=1)), 2)
     push *= np.tile(struck[contacts.body_a] | struck[contacts.body_b], 2)
-    felt = np.bincount(side, push, count)
+    given = np.bincount(side, push, count)
     force = np.bincount(side, push / np.tile(made.duration, 2), count)
     size = np.zeros(count, np.intp)
     size[:len(known.size)] = known.size[:count]
-    chosen = np.flatnonzero((size >= 2.0 * grain) & (felt > LEAST_JUMP * bodies.mass)
+    chosen = np.flatnonzero((size >= 2.0 * grain) & (given > LEAST_JUMP * bodies.mass)
                             & (bodies.state == BodyState.AWAKE))
     far = _far(model, state, chosen)
     chosen = chosen[~far | (size[chosen] >= 2.0 * _COARSER * grain)]
     chosen = chosen[~np.isin(chosen, [blow.body for blow in state.rubble.waiting])]
     if not len(chosen):
         return []
-    chosen = chosen[np.argsort(-felt[chosen], kind='stable')]
+    chosen = chosen[np.argsort(-given[chosen], kind='stable')]
     parts = [known.parts_of(body) for body in chosen.tolist()]
     every, begin = np.concatenate(parts), np.cumsum([0, *(len(own) for own in parts)])[:-1]
     least = np.minimum(np.minimum.reduceat(bonds.weakest[every], begin),
@@ -385,8 +385,9 @@ def _blows(model: Model, state: State, made: Blows, struck: np.ndarray,
     hard = np.flatnonzero(force[chosen] > _SCREEN * least)
     if not len(hard):
         return []
-    return [PieceBlow(body, parts[n], *blow) for n, body, *blow
-            in zip(hard.tolist(), chosen[hard].tolist(), *_felt(made, poses, chosen[hard]))]
+    felt, stopped = _felt(made, poses, chosen[hard])
+    return [PieceBlow(int(chosen[n]), parts[n], own, energy)
+            for n, own, energy in zip(hard.tolist(), felt, stopped)]
 
 
 def _felt(made: Blows, poses: np.ndarray,

@@ -355,14 +355,6 @@ class World:
         """Return the contacts of the last step; there are none between sleeping bodies."""
         return Contacts.of(self._table, self._time_step)
 
-    def keep_impulses(self, share: np.ndarray) -> None:
-        """
-        Scale the impulses of the contacts of the last step by the share that was not removed.
-
-        :param share: 0 to 1, in the order of `contacts`, (C,).
-        """
-        self._table[:, 9:] *= share[:, None]
-
     def wrench(self, body: int) -> np.ndarray:
         """
         Compute the mean force and moment of contacts on a body in the last step.
