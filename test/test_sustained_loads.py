@@ -100,14 +100,14 @@ def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, b
 
 def test_what_is_pressed_breaks_whatever_room_there_is():
     """Break small pieces under lasting forces into a cell per part, and large ones into sixty."""
-    blows = [PieceBlow(0, np.arange(n), None, np.inf, np.zeros(0, int)) for n in (1000, 15, 5)]
+    blows = [PieceBlow(0, np.arange(n), None, np.inf) for n in (1000, 15, 5)]
     assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
     assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
 
 
 def test_lumps_break_whatever_room_there_is():
     """Break lumps into some cells without room for more bodies, huge ones into grains."""
-    blows = [PieceBlow(0, np.arange(count), None, 0.0, np.zeros(0, int))
+    blows = [PieceBlow(0, np.arange(count), None, 0.0)
              for count in (1000, 300, 200, 90, 30)]
     assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
     assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2

@@ -99,6 +99,19 @@ def pile_up() -> None:
     world.step(1.0 / 60.0)
 
 
+def lie_down() -> None:
+    """Let two boxes fall asleep on each other, and throw a third at them."""
+    world, size = World(engine='native'), np.full(3, 0.2)
+    for height in (0.1, 0.3):
+        world.add_body(Shape.BOX, size, 1.0, np.array([0.0, 0.0, height, 0.0, 0.0, 0.0, 1.0]))
+    for _ in range(60):
+        world.step(1.0 / 60.0)
+    world.add_body(Shape.BOX, size, 1.0, np.array([-0.4, 0.0, 0.3, 0.0, 0.0, 0.0, 1.0]),
+                   np.array([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    for _ in range(10):
+        world.step(1.0 / 60.0)
+
+
 def touch_trees() -> None:
     """Compile contacts of trees: how a twig responds to an impulse, and with what none touches."""
     rows, points = np.zeros(1, np.intp), np.zeros((1, 3))
@@ -257,6 +270,6 @@ def _shipped(name: str) -> Simulation:
 
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
-    for scene in (step_trees, pile_up, sway, touch_trees, strike_twig, crack_wall, merge_bricks,
-                  break_trees, grow_beside, wreck_cottage, demolish_on_hill)}
+    for scene in (step_trees, pile_up, lie_down, sway, touch_trees, strike_twig, crack_wall,
+                  merge_bricks, break_trees, grow_beside, wreck_cottage, demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""
