@@ -26,7 +26,7 @@ from procphys_ros.command_line.description import Description
 
 _MOST = 200  # names offered at once; for thousands a shell asks whether to show them
 _FIXED = {'wind': ('on', 'off'), 'completion': ('bash', 'zsh')}
-_TAKES_PART = ('impulse', 'wrench', 'list')
+_TAKES_PART = ('impulse', 'wrench', 'cut', 'list')
 _ZSH = 'autoload -U +X compinit && compinit; autoload -U +X bashcompinit && bashcompinit\n'
 _SHELL = """\
 _procphys_command() {{

@@ -145,6 +145,14 @@ def _add_loads(group) -> None:
     launch.add_argument('--mass', type=positive, metavar='KG')
     _vector(launch, '--from', 'where it starts [m]')
     _vector(launch, '--velocity', 'how fast it starts [m/s]')
+    saw = group.add_parser('cut', help='saw a branch off, a brick out, or through an object',
+                           epilog='examples: command cut oak_0/17\n'
+                           '          command cut pine_0 --point 0 0 1 --normal 0 0 1')
+    saw.add_argument('part', help='such as oak_0/17; or an object, which takes a plane')
+    _vector(saw, '--point', 'on the plane of the cut [m]', (0.0, 0.0, 0.0))
+    _vector(saw, '--normal', 'of that plane; none = all that holds the part', (0.0, 0.0, 0.0))
+    saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
+                     help='of the blade from that point [m]')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
 
 

@@ -31,3 +31,4 @@ class Cause(IntEnum):
     DEMOLITION = 8   # cut by a timed charge
     UPROOTING = 9    # root plate turned out of the ground
     PULLED_OFF = 10  # climbing plant pulled off its host, or its host gave way
+    CUT = 11         # sawn through

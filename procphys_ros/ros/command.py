@@ -210,6 +210,12 @@ def _described(remote: Any, said: argparse.Namespace) -> Description:
     return description
 
 
+def _cut(remote: Any, said: argparse.Namespace) -> None:
+    remote.change({'cut.target': said.part, 'cut.point': said.point, 'cut.normal': said.normal,
+                   'cut.reach': said.reach})
+    print(remote.trigger('cut'))
+
+
 def _trigger(service: str) -> Callable:
     return lambda remote, said: print(remote.trigger(service))
 
@@ -225,7 +231,7 @@ _VERBS: dict[str, Callable] = {
     'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
     'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
                                'position', 'velocity'),
-    'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
+    'cut': _cut, 'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
     'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),
     'reset': _trigger('reset_simulation'), 'reload': _trigger('reload_scene'),
     'spawn': _spawn, 'remove': _remove, 'get': _get, 'set': _set, 'list': _list, 'watch': _watch,

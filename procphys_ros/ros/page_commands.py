@@ -50,7 +50,7 @@ _TIMEOUT = 3.0   # [s] to look for the node
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
 _LOOK = 1.0      # [s] between reads of the node's wind
 # Parameters that a scene has besides those of a reload: its wind, and the groups of cues.
-_OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.')
+_OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.', 'cut.')
 
 
 class PageCommands:

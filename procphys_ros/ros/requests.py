@@ -27,7 +27,7 @@ from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.settings import read_settings
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 
 
 class Requests:
@@ -88,6 +88,12 @@ class Requests:
         """Arm the charges of the `demolition.*` parameters."""
         plan = self._group('demolition', Demolition)
         return lambda: self._session.demolish(plan)
+
+    def cut(self) -> Act:
+        """Make the cut of the `cut.*` parameters."""
+        part_name(self._parameters['cut.target'], 'the parameter cut.target')
+        cut = self._group('cut', Cut)
+        return lambda: self._session.cut(cut)
 
     def clear_wrenches(self) -> Act:
         """Remove all lasting forces."""

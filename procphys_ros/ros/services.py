@@ -53,6 +53,8 @@ class Actions(Protocol):
 
     def demolish(self) -> Act: ...
 
+    def cut(self) -> Act: ...
+
     def clear_wrenches(self) -> Act: ...
 
     def step_simulation(self) -> Act: ...
@@ -78,7 +80,7 @@ class Scenes(Protocol):
     def spawn(self, answer: Answer) -> None: ...
 
 
-_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish',
+_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
              'clear_wrenches', 'step_simulation', 'reset_simulation', 'save_state',
              'restore_state', 'remove', 'inspect')
 _SWITCHES = ('set_wind_enabled', 'set_pause')

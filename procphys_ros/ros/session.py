@@ -27,7 +27,7 @@ from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.spawn import Spawn
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.simulation import readings, Simulation
 
 REMEDY = 'time stands still until ~/reset_simulation or ~/reload_scene'
@@ -147,6 +147,10 @@ class Session:
     def demolish(self, plan: Demolition) -> str:
         """Arm charges with delays."""
         return f'{self.simulation.demolish(plan)} charges armed'
+
+    def cut(self, cut: Cut) -> str:
+        """Saw through joints."""
+        return f'{self.simulation.apply(cut)} joints of {cut.target} cut'
 
     def look_from(self, position: Sequence[float], orientation: Sequence[float]) -> str:
         """Move the observer to a position [m], (3,), with a quaternion xyzw."""

@@ -22,7 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust, MeanWind
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import check, declared
 
 _LATEST = 1e6  # [s]
@@ -52,7 +52,7 @@ class Blow:
 _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
     'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
     'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
-    'demolish': ('demolition', Demolition)}
+    'demolish': ('demolition', Demolition), 'cut': ('cut', Cut)}
 
 
 @dataclass(frozen=True)
@@ -62,7 +62,7 @@ class Cue:
 
     :ivar time: simulated [s].
     :ivar text: as written in the scene.
-    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion` or `Demolition`.
+    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition` or `Cut`.
     """
 
     time: float

@@ -33,7 +33,7 @@ from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import LARGEST, Parameter, parameters, short
@@ -92,6 +92,7 @@ GLOBAL = (
     *parameters(Projectile, 'projectile', takes_effect='use'),
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
+    *parameters(Cut, 'cut', takes_effect='use'),
     *parameters(Spawn, 'spawn', takes_effect='use'),
     Parameter('inspect.part', '', 'name or index of the part that ~/inspect describes',
               takes_effect='use'),

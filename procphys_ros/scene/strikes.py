@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Strikes: projectiles, explosions, and the timed charges of a demolition."""
+"""Strikes: projectiles, explosions, the timed charges of a demolition, and saw cuts."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -95,6 +95,32 @@ class Explosion:
         if self.position[2] < 0.0:
             raise CommandError(f'explosion.position is {list(self.position)}: that is under the '
                                'ground; z must not be below 0')
+
+
+@dataclass(frozen=True)
+class Cut:
+    """
+    A saw cut, through all that holds a part, or along a plane through a part or an object.
+
+    :ivar target: name or index of a part, or name of an object.
+    :ivar point: on the plane, world [m], (3,).
+    :ivar normal: of the plane, of any length, (3,); 0 = no plane: a segment of a tree is cut off
+        at its foot, any other part out of what it is bonded to.
+    :ivar reach: of the blade from that point [m].
+    :raises CommandError: when a value is out of its range.
+    """
+
+    target: str = declared('', 'part that ~/cut cuts off, as oak_0/17 or an index; or a whole '
+                           'object, such as house, which takes a plane')
+    point: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'on the plane of the cut', 'm', -_FARTHEST, _FARTHEST)
+    normal: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'of that plane, of any length; 0 0 0 = no plane: all that holds the part',
+        '', -_FARTHEST, _FARTHEST)
+    reach: float = declared(100.0, 'of the blade from that point', 'm', 1e-3, _FARTHEST)
+
+    def __post_init__(self) -> None:
+        check(self, 'cut', CommandError)
 
 
 @dataclass(frozen=True)

@@ -79,11 +79,11 @@ def break_bonds(model: Model, state: State, rows: np.ndarray, cause: np.ndarray 
     cause, load, crack = (np.broadcast_to(column, len(rows))[told]
                           for column in (cause, load, crack))
     rows = rows[told]
-    state.log.record(state.time, _places(model, state, rows), rows, model.blueprint.bonds[rows],
+    state.log.record(state.time, places(model, state, rows), rows, model.blueprint.bonds[rows],
                      cause, load, crack)
 
 
-def _places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
+def places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
     """Return the positions of bonds, world [m], (K, 3)."""
     source, pairs = model.blueprint, model.blueprint.bonds[rows]
     part, out = pairs.max(axis=1), source.bond_frame[rows, :3].copy()

@@ -31,9 +31,17 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
-from procphys_ros.simulation import blasts, charges, fragments, intruder, masonry, projectiles
+from procphys_ros.simulation import (
+    blasts,
+    charges,
+    cutting,
+    fragments,
+    intruder,
+    masonry,
+    projectiles,
+)
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -248,11 +256,11 @@ def apply(model: Model, state: State, command: Any) -> Any:
     """
     Execute a command; writes the state that it concerns.
 
-    :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`
-        or `Demolition`.
+    :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`,
+        `Demolition` or `Cut`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
-        `Projectile`: its part; a `Demolition`: the number of charges; `ClearWrenches`: the number
-        of wrenches; all others: None.
+        `Projectile`: its part; a `Demolition`: the number of charges; a `Cut`: the number of
+        joints; `ClearWrenches`: the number of wrenches; all others: None.
     :raises CommandError: if it cannot be carried out; the state is unchanged then.
     """
     if type(command) not in _ACTIONS:
@@ -374,7 +382,8 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
-    SetBodyState: _set_body_state, PlaceIntruder: _place_intruder, SetThrust: _set_thrust,
+    Cut: cutting.cut, SetBodyState: _set_body_state,
+    PlaceIntruder: _place_intruder, SetThrust: _set_thrust,
     Observe: _observe,
 }
 

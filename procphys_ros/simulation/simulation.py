@@ -26,7 +26,7 @@ from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
 from procphys_ros.simulation import additions, commands, load_checks, readings, snapshot
 from procphys_ros.simulation.at_rest import at_rest
@@ -330,6 +330,20 @@ class Simulation(Readings):
         :raises CommandError: if no building stands.
         """
         return self.apply(plan or Demolition())
+
+    def cut(self, part: int | str, point: Sequence[float] = Cut.point,
+            normal: Sequence[float] = Cut.normal, reach: float = Cut.reach) -> int:
+        """
+        Saw through what holds a part, or along a plane through a part or an object.
+
+        :param part: name or index of a part, or name of an object, which takes a plane.
+        :param point, normal: of the plane [m], world, (3,); a normal of zeros = no plane: a
+            segment of a tree is cut off at its foot, any other part out of what it is bonded to.
+        :param reach: of the blade from the point [m].
+        :returns: number of joints cut.
+        :raises CommandError: if the part is unknown or gone, or there is no joint to cut.
+        """
+        return self.apply(Cut(str(part), point, normal, reach))
 
     def set_body_state(self, part: int | str, pose: Sequence[float] | None = None,
                        twist: Sequence[float] | None = None) -> None:

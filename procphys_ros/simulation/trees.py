@@ -180,8 +180,16 @@ def _break_joints(model: Model, state: State) -> None:
                    for j in chosen):
             chosen.append(int(i))
     breaking.break_bonds(model, state, bonds[chosen], causes[chosen], over[chosen])
-    rigid = [int(rows[i]) for i in chosen if not _stays_flexible(model, state, int(rows[i]))]
-    _release(model, state, rigid)
+    let_fall(model, state, rows[chosen].tolist())
+
+
+def let_fall(model: Model, state: State, rows: list[int]) -> None:
+    """
+    Part branches from their trees at their first rows; what is small becomes a rigid body.
+
+    :param rows: of the forest; what is carried by another one comes before it.
+    """
+    _release(model, state, [row for row in rows if not _stays_flexible(model, state, row)])
 
 
 def make_rigid(model: Model, state: State, dt: float) -> None:
