@@ -108,6 +108,7 @@ def test_what_is_said_happens(node, say, words, answer):
     ('wrench saplin_0/2 1 0 0', 'did you mean'),
     ('wrench sapling_0/leaf_2 1 0 0', 'kinds are segment'),
     ('demolish', ''),
+    ('cut sapling_0', 'takes a plane'),
     ('step', 'pause'),
     ('set gust.duratoin 3', 'did you mean gust.duration'),
     ('set gust.duration long', 'not a number'),

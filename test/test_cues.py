@@ -22,7 +22,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene
 from procphys_ros.scene.cues import Blow, read_cues
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 
 POST = 'axiom: Width(0.1) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1)'
@@ -38,15 +38,17 @@ def test_cues_are_read_in_the_order_of_their_times():
     """Take from the scene's groups what a cue does not say."""
     cues = read_cues(scene(
         '3 demolish', '0 launch position=1,-9,2 mass=12', '1.5 gust duration=4',
-        '2 explode charge=3', '1e0 impulse target=post/1 linear=0,5,0',
+        '2 explode charge=3', '2.5 cut target=post/1 normal=0,0,1',
+        '1e0 impulse target=post/1 linear=0,5,0',
         projectile={'shape': 'box', 'size': [1.0, 2.0, 0.5], 'mass': 5.0},
         gust={'amplitude': 25.0}))
-    assert [cue.time for cue in cues] == [0.0, 1.0, 1.5, 2.0, 3.0]
-    thrown, blow, gust, blast, charges = (cue.what for cue in cues)
+    assert [cue.time for cue in cues] == [0.0, 1.0, 1.5, 2.0, 2.5, 3.0]
+    thrown, blow, gust, blast, sawn, charges = (cue.what for cue in cues)
     assert thrown == Projectile('box', [1.0, 2.0, 0.5], 12.0, [1.0, -9.0, 2.0])
     assert blow == Blow('post/1', [0.0, 5.0, 0.0])
     assert gust == Gust(amplitude=25.0, duration=4.0)
     assert blast == Explosion(charge=3.0) and charges == Demolition()
+    assert sawn == Cut('post/1', normal=[0.0, 0.0, 1.0])
 
 
 @pytest.mark.parametrize('cue, words', [

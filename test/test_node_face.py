@@ -69,9 +69,9 @@ SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
-            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'clear_wrenches',
-            'step_simulation', 'reset_simulation', 'reload_scene', 'cancel_reload', 'save_state',
-            'restore_state', 'spawn', 'remove', 'inspect')),
+            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
+            'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene',
+            'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.

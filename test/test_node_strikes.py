@@ -88,6 +88,16 @@ def test_demolition_breaks_the_wall(client):
     broken(client, 5)
 
 
+def test_a_cut_takes_a_brick_out(client):
+    """Saw a brick out of the wall, and refuse to do it once more."""
+    assert client.set_parameter('cut.target', 'wall/20').successful
+    answer = client.trigger('cut')
+    assert answer.success and 'joints of wall/20 cut' in answer.message
+    broken(client, 3)
+    answer = client.trigger('cut')
+    assert not answer.success and 'nothing holds wall/20' in answer.message
+
+
 def test_a_gentle_impulse_on_a_brick_is_held(client):
     """Say in the answer that the brick did not move."""
     assert client.set_parameter('impulse.target', 'wall/20').successful

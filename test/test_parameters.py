@@ -46,7 +46,7 @@ from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
-from procphys_ros.scene.strikes import Demolition, Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import parameters, short
 
 TABLE = {p.name: p for p in GLOBAL}
@@ -179,8 +179,9 @@ def test_the_library_refuses_what_the_node_refuses(name, value):
     (Settings, ''), (WindSettings, 'wind'), (Gust, 'gust'), (LeafSettings, 'leaves'),
     (DustSettings, 'dust'), (CullingSettings, 'culling'), (IntruderSettings, 'intruder'),
     (Blow, 'impulse'), (Projectile, 'projectile'), (Explosion, 'explosion'),
-    (Demolition, 'demolition'), (Shard, 'shard'), (Spawn, 'spawn'), (LidarSettings, 'lidar'),
-    (CameraSettings, 'camera'), (SunSettings, 'sun'), (SkySettings, 'sky')])
+    (Demolition, 'demolition'), (Cut, 'cut'), (Shard, 'shard'), (Spawn, 'spawn'),
+    (LidarSettings, 'lidar'), (CameraSettings, 'camera'), (SunSettings, 'sun'),
+    (SkySettings, 'sky')])
 def test_every_number_of_every_setting_is_checked(kind, group):
     """Refuse what is just outside of the range that is declared, also in Python."""
     rows = parameters(kind, group)

@@ -16,6 +16,7 @@
 """Page commands: send what is done on a page to the node, in order."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from queue import Empty, Queue
 from threading import Event, Thread
@@ -28,7 +29,7 @@ from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.remote import NoNodeError, Remote
 from procphys_ros.scene.named import shipped_scenes
 from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
-from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.scene.unused import flat
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.simulation.commands import Impulse, SetWind
@@ -208,6 +209,11 @@ def _explode(remote: Remote, charge: Explosion) -> str:
     return remote.trigger('explode')
 
 
+def _cut(remote: Remote, cut: Cut) -> str:
+    remote.change({f'cut.{name}': value for name, value in asdict(cut).items()})
+    return remote.trigger('cut')
+
+
 def _inspect(remote: Remote, wanted: Inspect) -> str:
     remote.change({'inspect.part': str(wanted.part)})
     return remote.trigger('inspect')
@@ -242,6 +248,6 @@ _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
     SetSpeed: lambda remote, c: remote.change({'real_time_factor': c.factor}),
     SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
     Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
-    Inspect: _inspect, StartGust: _gust, Projectile: _launch, Explosion: _explode,
+    Inspect: _inspect, StartGust: _gust, Projectile: _launch, Explosion: _explode, Cut: _cut,
     LoadScene: _load,
 }

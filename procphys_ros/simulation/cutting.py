@@ -91,8 +91,9 @@ def _part(model: Model, state: State, rows: np.ndarray) -> None:
     part = model.blueprint.bonds[rows].max(axis=1)
     owner = state.parts.owner[part]
     bodies = np.unique(state.parts.body[part[owner == Owner.BODY]])
-    grown = np.flatnonzero(owner == Owner.TREE)
-    feet = np.sort(state.parts.row[model.blueprint.bonds[rows[grown]]].max(axis=1))[::-1]
+    pairs = model.blueprint.bonds[rows[owner == Owner.TREE]]
+    feet = np.where(pairs == GROUND, -1, state.parts.row[pairs]).max(axis=1, initial=-1)
+    feet = np.sort(feet)[::-1]  # tips first
     breaking.break_bonds(model, state, rows, Cause.CUT, np.zeros(len(rows)), dynamic_factor=1.0)
     if len(feet):
         if state.trees.lod is not None:

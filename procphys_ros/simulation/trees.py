@@ -196,6 +196,8 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     """
     Turn branches that are small, lie still or came down a while ago into rigid fragments.
 
+    A felled tree that still stands on its foot neither lies nor has it come down.
+
     Branches that hold climbers stay flexible.
 
     Writes the clocks in `state.trees`, and releases.
@@ -204,15 +206,15 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     roots = forest.free_roots
     if not len(roots) and not trees.age:
         return
-    size, speed, height, clings = _survey(
+    size, speed, height, flat, clings = _survey(
         roots, forest.ends, forest.active, forest.parents, forest.poses, forest.velocities,
         forest.anchors[:, anchors.STIFFNESS], model.terrain)
     ids = roots.tolist()
     trees.age = {r: trees.age.get(r, 0.0) + dt for r in ids}
     trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if lies else 0.0
-                   for r, lies in zip(ids, (speed < _SLOW).tolist())}
+                   for r, lies in zip(ids, (flat & (speed < _SLOW)).tolist())}
     trees.down = {r: trees.down.get(r, 0.0) + (dt if low else 0.0)
-                  for r, low in zip(ids, (height < _LOW).tolist())}
+                  for r, low in zip(ids, (flat & (height < _LOW)).tolist())}
     _release(model, state, [root for place, root in enumerate(ids) if not clings[place] and (
         size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
         or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9)])
@@ -225,20 +227,27 @@ def _survey(roots, ends, active, parents, poses, velocities, anchored, terrain):
 
     :param roots: first row of each, (R,); the other columns are those of the forest.
     :returns: segments of each; largest part of a velocity [m/s]; height of the lowest middle over
-        the ground [m]; whether any is anchored; (R,) each.
+        the ground [m]; whether it lies rather than stands, from its first segment to its middle;
+        whether any is anchored; (R,) each.
     """
     size, speed = np.zeros(len(roots), np.int64), np.zeros(len(roots))
     height, clings = np.full(len(roots), np.inf), np.zeros(len(roots), np.bool_)
+    flat = np.zeros(len(roots), np.bool_)
     for n in range(len(roots)):
         rows = carried_rows(roots[n], ends[roots[n]], active, parents)
         size[n] = len(rows)
+        x, y, z = 0.0, 0.0, 0.0
         for i in rows:
+            x += poses[i, 0] - poses[roots[n], 0]
+            y += poses[i, 1] - poses[roots[n], 1]
+            z += poses[i, 2] - poses[roots[n], 2]
             clings[n] |= anchored[i] != 0.0
             height[n] = min(height[n],
                             poses[i, 2] - height_at(terrain, poses[i, 0], poses[i, 1]))
             for c in range(3):
                 speed[n] = max(speed[n], abs(velocities[i, c]))
-    return size, speed, height, clings
+        flat[n] = z * z <= x * x + y * y
+    return size, speed, height, flat, clings
 
 
 def _release(model: Model, state: State, rows: list[int]) -> None:

@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from procphys_ros.errors import CommandError
-from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse
 from procphys_ros.view.picking import GROUND, Hit
 from procphys_ros.view.source import PageContent
@@ -40,6 +40,7 @@ class Tool(StrEnum):
     PULL = 'pull'
     BALL = 'throw a ball'
     CHARGE = 'set off a charge'
+    SAW = 'saw off'
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,8 @@ def effect(tool: Tool, strength: Strength) -> str:
         Tool.PUSH: f'A click pushes a part away: {strength.push:g} m/s times its mass.',
         Tool.PULL: f'A click pulls a part closer: {strength.push:g} m/s times its mass.',
         Tool.BALL: f'A click throws a ball there: {momentum:,.0f} N·s, {energy:,.1f} kJ.',
-        Tool.CHARGE: f'A click sets off {strength.charge:g} kg TNT there.'}[tool]
+        Tool.CHARGE: f'A click sets off {strength.charge:g} kg TNT there.',
+        Tool.SAW: 'A click saws a branch off at its foot, or any other part out.'}[tool]
 
 
 def command_of(tool: Tool, hit: Hit, content: PageContent, direction: np.ndarray,
@@ -100,6 +102,8 @@ def command_of(tool: Tool, hit: Hit, content: PageContent, direction: np.ndarray
         return _ball(hit, content, direction, strength)
     if hit.part == GROUND:
         raise CommandError(f'the ground cannot be moved: {tool} a part')
+    if tool is Tool.SAW:
+        return Cut(str(hit.part))
     way = direction if tool is Tool.PUSH else -direction
     return Impulse(hit.part, (way * strength.push * content.mass[hit.part]).tolist())
 
@@ -111,6 +115,8 @@ def mark_of(command: Any) -> tuple[str, np.ndarray]:
     if isinstance(command, Projectile):
         way = np.array(command.velocity)
         return f'{command.mass:g} kg at {np.linalg.norm(way):.3g} m/s', way
+    if isinstance(command, Cut):
+        return 'cut', np.zeros(3)
     way = np.array(command.linear)
     return f'{np.linalg.norm(way):.3g} N·s', way
 

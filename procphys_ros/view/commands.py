@@ -20,7 +20,7 @@ from pathlib import Path
 from queue import Empty, Queue
 from typing import Any
 
-from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.simulation.commands import Impulse
 
 
@@ -74,8 +74,9 @@ class LoadScene:
     path: Path
 
 
-CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion)  # actions on the scene that a page shows
-UNDONE = (Impulse, Projectile, Explosion, StartGust, Reset)  # actions that `Undo` reverts
+# Actions on the scene that a page shows.
+CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion, Cut)
+UNDONE = (Impulse, Projectile, Explosion, Cut, StartGust, Reset)  # actions that `Undo` reverts
 
 
 def drop_clicks(waiting: Queue[Any]) -> None:

@@ -168,7 +168,8 @@ class Source(Protocol):
         """
         Queue a command for execution; return at once.
 
-        :param command: of `view.commands`, or a `SetWind`, `Impulse`, `Projectile` or `Explosion`.
+        :param command: of `view.commands`, or a `SetWind`, `Impulse`, `Projectile`, `Explosion`
+            or `Cut`.
         """
 
     def answer(self) -> str:
