@@ -65,6 +65,30 @@ def test_balls_part_with_their_restitution(engine, restitution):
         assert first + 2.0 * second == pytest.approx(5.0, rel=1e-5)
 
 
+def test_contacts_of_what_is_replaced_are_those_of_its_heirs(engine):
+    """Replace a bar by its two halves while it lands: each has the contacts that are its own."""
+    bar, halves, seen = np.array([0.4, 0.1, 0.1]), [], []
+    with World(engine=engine) as world:
+        body = world.add_body(Shape.BOX, bar, 8.0, at(0, 0, 0.052), [0, 0, -1.0, 0, 0, 0])
+
+        def look(rows, poses, velocities, duration):
+            if halves or not (rows[:, 12] > 0.0).any():
+                return
+            seen.append(rows[rows[:, 12] > 0.0])
+            halves.extend(world.add_body(Shape.BOX, bar * [0.5, 1, 1], 4.0,
+                                         at(x, 0, world.poses([body])[0, 2])) for x in (-0.1, 0.1))
+            world.replace(np.array([body, body]), np.array(halves))
+        world.step(DT, looked=look)
+        contacts = world.contacts()
+        assert len(seen[0]) >= 4 and body not in (*contacts.body_a, *contacts.body_b)
+        for half, side in zip(halves, (-1.0, 1.0)):
+            own = (contacts.body_a == half) | (contacts.body_b == half)
+            assert own.sum() >= 2 and (side * contacts.point[own, 0] > -1e-3).all()
+        told = np.concatenate([contacts.impulse[contacts.body_a > 0, 2],
+                               -contacts.impulse[contacts.body_b > 0, 2]])
+        assert abs(told.sum()) > 4.0  # of the 8 N·s that stop the bar
+
+
 def test_the_first_contact_turns_by_the_inertia_that_was_given(engine):
     """Slide a ball with the inertia of a wide disc: friction turns it as that from the start."""
     mass, radius, moment, speed = 400.0, 0.01, 80.0, 1.0
