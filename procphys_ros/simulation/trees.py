@@ -40,6 +40,8 @@ MOST = 16        # at a time; each costs about as much as a standing tree while 
 #                  and up to a millisecond per step while it lies on many contacts
 _SLOW = 0.25     # [m/s] largest speed of a segment at rest
 _CALM = 0.5      # [s] at rest, after which a branch counts as lying
+_BALANCED = 3.0  # [s] likewise, of what stands rather than lies: a tree of 10 m on its foot, a
+#                  hundredth of a radian from its balance, moves faster by then
 _LOW = 0.3       # [m] height of the lowest segment of a branch that has come down
 _DOWN = 1.0      # [s] until a fallen branch becomes rigid: after impact and springback
 _LONGEST = 8.0   # [s] from coming off, after which a branch becomes rigid anyway
@@ -196,7 +198,7 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     """
     Turn branches that are small, lie still or came down a while ago into rigid fragments.
 
-    A felled tree that still stands on its foot neither lies nor has it come down.
+    A felled tree that still stands on its foot has not come down.
 
     Branches that hold climbers stay flexible.
 
@@ -212,12 +214,13 @@ def make_rigid(model: Model, state: State, dt: float) -> None:
     ids = roots.tolist()
     trees.age = {r: trees.age.get(r, 0.0) + dt for r in ids}
     trees.quiet = {r: trees.quiet.get(r, 0.0) + dt if lies else 0.0
-                   for r, lies in zip(ids, (flat & (speed < _SLOW)).tolist())}
+                   for r, lies in zip(ids, (speed < _SLOW).tolist())}
     trees.down = {r: trees.down.get(r, 0.0) + (dt if low else 0.0)
                   for r, low in zip(ids, (flat & (height < _LOW)).tolist())}
+    calm = np.where(flat, _CALM, _BALANCED) - 1e-9
     _release(model, state, [root for place, root in enumerate(ids) if not clings[place] and (
         size[place] < SMALLEST or trees.age[root] > _LONGEST - 1e-9
-        or trees.quiet[root] > _CALM - 1e-9 or trees.down[root] > _DOWN - 1e-9)])
+        or trees.quiet[root] > calm[place] or trees.down[root] > _DOWN - 1e-9)])
 
 
 @kernel
