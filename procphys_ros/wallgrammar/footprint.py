@@ -201,9 +201,9 @@ def check(points: np.ndarray, places: Sequence[Place]) -> None:
             raise place.error(f'the edge from here is {side} m: it has {length:.4g} m')
     if not closed:
         return
-    crossing = _crossing(points, ends)
-    if len(crossing):
-        i, j = crossing[0]
+    crossings = crossing(points, ends)
+    if len(crossings):
+        i, j = crossings[0]
         raise places[j].error(f'the footprint crosses itself: the edge from here meets '
                               f'edge {i + 1}; give the corners in order around it')
     area = 0.5 * np.sum(points[:, 0] * ends[:, 1] - ends[:, 0] * points[:, 1])
@@ -274,7 +274,7 @@ def _touching(points: np.ndarray, others: np.ndarray) -> list[tuple[int, int]]:
     return found
 
 
-def _crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
+def crossing(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
     """Find pairs of edges that touch but are not neighbours, (k, 2), in order."""
     first, second = np.triu_indices(len(points), 2)
     apart = (second + 1) % len(points) != first

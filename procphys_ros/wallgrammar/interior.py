@@ -20,18 +20,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.wallgrammar import spires, stems, valleys
+from procphys_ros.wallgrammar import spires
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.floors import joist_height, slab_floor, timber_floor
 from procphys_ros.wallgrammar.footprint import Footprint
-from procphys_ros.wallgrammar.gables import GableRoof
-from procphys_ros.wallgrammar.hips import HipRoof
 from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of, trim
 from procphys_ros.wallgrammar.plan import bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
+from procphys_ros.wallgrammar.roofs import Roof
 from procphys_ros.wallgrammar.spec import Building, Call
 from procphys_ros.wallgrammar.walls import Elevation
 
@@ -86,14 +85,7 @@ class Interior:
                                    self._floor_depth(floors, micro(depth)))
         trim(inner, self.walls)
         rooms = [room.within(self._set_back()) for room in rooms]
-        division = None
-        if self.building.roof is not None and roof == 'gable' and len(self.walls) != 4:
-            division = self._divide(self.building.roof, pitch)
-            if floors != 'slab':
-                stems.bridge(self.site, division, self.walls, inner, levels[-1])
         for level in levels[-1:] if only_top else levels[1:]:
-            if division is not None and floors == 'timber' and level == levels[-1]:
-                continue  # the ties of the roof are its joists, and girders lie below them
             # Ties lie on the uppermost joists, or the stones of a spire lean in over them.
             bare = level == levels[-1] and roof in ('gable', 'hip', 'spire')
             self._lay_floor(floors, micro(depth), level, inner, [] if bare else rooms)
@@ -101,10 +93,9 @@ class Interior:
             wall.build(self.site)
         if self.building.roof is not None and roof == 'spire':
             spires.build(self.site, self.plan, layout, levels[-1], pitch, self.building.roof.place)
-        elif division is not None:
-            valleys.build(self.site, self.walls, levels[-1], pitch, division, self.neighbours)
-        elif self.building.roof is not None and roof in ('gable', 'hip'):
-            self._roof(self.building.roof, pitch, levels[-1])
+        elif roof in ('gable', 'hip'):
+            Roof(self.site, self.walls, levels[-1], pitch, roof == 'gable',
+                 self.neighbours).build()
 
     def _lay_floor(self, floors: str, depth: int, level: int, inner: Sequence[Elevation],
                    rooms: Sequence[Rectangle]) -> None:
@@ -182,23 +173,3 @@ class Interior:
     def _set_back(self) -> int:
         """Return the largest projection of facade panels into rooms [µm]."""
         return max((scope.depth for wall in self.walls for scope in wall.set_back()), default=0)
-
-    def _divide(self, call: Call, pitch: float) -> stems.Division:
-        division = stems.divide(self.plan, pitch, call.place)
-        low, high = valleys.STEEP
-        if division.stems and not low <= pitch <= high:
-            raise call.place.error(f'the pitch of a gable roof with valleys must be from {low:g} '
-                                   f'to {high:g}, found {pitch:g}')
-        return division
-
-    def _roof(self, call: Call, pitch: float, level: int) -> None:
-        if len(self.plan.facades) != 4:
-            raise call.place.error(
-                f'a {call.name} roof needs a rectangular footprint, found '
-                f'{len(self.plan.facades)} corners; use flat or none')
-        if call.name == 'gable':  # the ridge runs along the first facade
-            axis = self.walls[0].facade.quarter % 2
-            GableRoof(self.site, self.walls, level, pitch, axis, self.neighbours).build()
-        else:  # along the longer side
-            longer = int(np.argmax(np.ptp(self.plan.corners, axis=0)))
-            HipRoof(self.site, self.walls, level, pitch, longer, self.neighbours).build()
