@@ -253,9 +253,9 @@ class Roof:
                     continue
                 if min(near, default=1.0) < _NEAREST:
                     raise self.site.place.error(
-                        f'ridges, hips or valleys of the roof meet {min(near):.2f} m apart: make '
-                        f'opposite edges of the footprint equal, or different by at least '
-                        f'{2 * _NEAREST:g} m, so that {_NEAREST:g} m lie between; or use flat')
+                        f'ridges, hips or valleys of the roof meet {min(near):.2f} m apart, at '
+                        f'least {_NEAREST:g} m are needed: make opposite edges of the footprint '
+                        'equal, or more different; or use flat')
                 if any(abs(((place - self.plan.points[g]) * self.plan.normals[g]).sum()) < _ONE
                        for g in self.plan.gables):
                     found.append(Node(place, height, 0.0, -1))

@@ -35,7 +35,7 @@ _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
 _SHORTEST = 0.2          # [m] shortest rafter, in plan
 BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
-_SHORT = 0.1             # [m] shortest batten
+_SHORT = 0.06            # [m] shortest batten
 COVER = 0.045            # [m] depth of battens and tiles together
 TILE = (0.40, 0.02)     # [m] width and thickness of a body that stands for a few tiles
 GAUGE = 0.32            # [m] largest distance of battens
@@ -162,13 +162,15 @@ class Slope:
                      for edge, edge_is_cut, sign in self._extent())
         if high < low:
             low = high = 0.5 * (low + high)
-        count = max(int(np.ceil((high - low) / RAFTER_SPACING)), 1) + 1 if high > low else 1
-        place = np.linspace(low, high, count)
+        marks = [low, *sorted(post.place for post in self.posts
+                              if low + RAFTER < post.place < high - RAFTER), high]
+        place = np.concatenate([[low], *(np.linspace(a, b, max(int(np.ceil(
+            (b - a) / RAFTER_SPACING)), 1) + 1)[1:] for a, b in zip(marks, marks[1:])
+            if b - a > 2.0 * RAFTER)])
         foot, head = self._reach(place, wall)
         keep = head - np.maximum(foot, 0.0) > _SHORTEST
         place, foot, reach = place[keep], foot[keep], self.along(head[keep], 0.0)
-        start = np.where(foot > -OVERHANG, self.along(foot, self.depth),
-                         self.along(-OVERHANG, 0.0))
+        start = np.maximum(self.along(foot, self.depth), self.along(-OVERHANG, 0.0))
         boxes = from_cells(
             micros(np.column_stack([start, -place - 0.5 * RAFTER, np.zeros(len(place))])),
             micros(np.column_stack([reach, -place + 0.5 * RAFTER, np.full(len(place),
@@ -181,7 +183,7 @@ class Slope:
         """Compute how far rafters reach clear of boards and posts, from the eaves in plan [m]."""
         foot, head = np.full(len(place), 1e3), np.full(len(place), -1e3)
         for field in self.fields:
-            low = np.full(len(place), max(field.low, -OVERHANG))
+            low = np.full(len(place), field.low)
             high = np.full(len(place), field.high)
             for edge, sign in ((field.start, 1.0), (field.end, -1.0)):
                 room, way = sign * (place - edge.at), sign * edge.way
@@ -200,7 +202,7 @@ class Slope:
             head[below] = np.minimum(head, height - 0.5 * RIDGE - CLEAR)[below]
         for post in self.posts:
             near = np.abs(place - post.place) < 0.5 * RAFTER + post.radius
-            above = near & (post.height > 0.5 * (foot + head))
+            above = near & (post.height > 0.5 * (np.maximum(foot, 0.0) + head))
             head[above] = np.minimum(head, post.height - post.radius)[above]
             near &= ~above
             foot[near] = np.maximum(foot, post.height + post.radius)[near]
@@ -227,18 +229,21 @@ class Slope:
                                  for row in self._rows(field, lines, battens)], level, TILE[0],
                    Joint.NAIL)
         level = self.depth + COVER
+        top = [(field, line) for field in self.fields
+               if (line := self._ridge_line(field, lines)) is not None]
         self._hang(site, frame, [
-            self._row(field, max(x for x in lines if x < self.along(field.high, level)) - LAP,
-                      float(self.along(field.high, level)) - APART, level)
-            for field in self.fields if self._ends_at_ridge(field)], level, RIDGE_TILE,
-            Joint.FIXING)
+            self._row(field, line - LAP, float(self.along(field.high, level)) - APART, level)
+            for field, line in top], level, RIDGE_TILE, Joint.FIXING)
 
-    def _ends_at_ridge(self, field: Field) -> bool:
-        """Return whether no other field goes on above a field that has a width at its top."""
+    def _ridge_line(self, field: Field, lines: Sequence[float]) -> float | None:
+        """Return the batten from which ridge tiles reach up to the top of a field, if any do."""
         start, end = field.start.place(field.high), field.end.place(field.high)
-        return end - start > _SHORT and not any(
-            other.low == field.high and other.start.place(other.low) < end
-            and other.end.place(other.low) > start for other in self.fields)
+        level = self.depth + COVER
+        line = max(x for x in lines if x < self.along(field.high, level))
+        goes_on = any(other.low == field.high and other.start.place(other.low) < end
+                      and other.end.place(other.low) > start for other in self.fields)
+        room = line - LAP > self.along(field.low, level + TILE[1])
+        return line if room and end - start > _SHORT and not goes_on else None
 
     def _section(self, u: float) -> list[Span]:
         """List the stretches of the slope at a distance from the eaves in plan [m]."""
@@ -274,8 +279,7 @@ class Slope:
         """Return rows of tiles that end on battens; rows without one between them are joined."""
         ends = self.along([field.low, field.high], self.depth + BATTEN[1]).tolist()
         low, high = max(ends[0], lines[0]), ends[1]
-        if self._ends_at_ridge(field):
-            high = max(x for x in lines if x < high)
+        high = self._ridge_line(field, lines) or high
         marks = [low, *(x for x in lines if low + _LOW[0] < x < high - _LOW[0]), high]
         rows: list[Row] = []
         for start, end in zip(marks, marks[1:]):
