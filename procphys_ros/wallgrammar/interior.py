@@ -94,7 +94,7 @@ class Interior:
         if self.building.roof is not None and roof == 'spire':
             spires.build(self.site, self.plan, layout, levels[-1], pitch, self.building.roof.place)
         elif roof in ('gable', 'hip'):
-            Roof(self.site, self.walls, levels[-1], pitch, roof == 'gable',
+            Roof(self.site, self.plan, self.walls, levels[-1], pitch, roof == 'gable',
                  self.neighbours).build()
 
     def _lay_floor(self, floors: str, depth: int, level: int, inner: Sequence[Elevation],

@@ -14,7 +14,7 @@
 
 """Roofs: timber and tiles over right-angled plans, with hips, valleys, ridges and gables."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -25,9 +25,10 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro, micros, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro, micros, split_along, stack
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.footprint import Corner, crossing
+from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
+from procphys_ros.wallgrammar.plan import bays, Rectangle
 from procphys_ros.wallgrammar.roof_plan import Arc, RoofPlan
 from procphys_ros.wallgrammar.slopes import (
     BOARD,
@@ -86,22 +87,23 @@ class Roof:
     """
     A roof of one pitch under construction.
 
-    :ivar axis: of the first frame: a gable's ridge over a rectangle runs along it, ties across.
+    :ivar axis: of the first frame, along which the plan is cut into fewest bays; the ridge of a
+        gable over a rectangle runs along it.
     :ivar plan: faces and the lines between them, in the first frame.
     :ivar depth: of the rafters [m].
     """
 
-    def __init__(self, site: Site, walls: Sequence[Elevation], height: int, pitch: float,
-                 gabled: bool, neighbours: Sequence[Neighbour] = ()):
+    def __init__(self, site: Site, ground: Footprint, walls: Sequence[Elevation], height: int,
+                 pitch: float, gabled: bool, neighbours: Sequence[Neighbour] = ()):
         self.site, self.walls, self.height, self.neighbours = site, walls, height, neighbours
         self.layout = walls[0].layout
         self.gauge = self.layout.gauge
         self.pitch = float(np.radians(pitch))
-        self.corners: np.ndarray = np.array([w.facade.origin for w in walls])
-        self.low, self.high = self.corners.min(axis=0), self.corners.max(axis=0)
-        self.plate = min(_PLATE, self.layout.thickness)
-        size = (self.high - self.low) / MICRO
-        self.axis = walls[0].facade.quarter % 2 if gabled else int(np.argmax(size))
+        self.corners, self.plate = ground.corners, min(_PLATE, self.layout.thickness)
+        size = np.ptp(self.corners, axis=0) / MICRO
+        first = walls[0].facade.quarter % 2 if gabled else int(np.argmax(size))
+        self.axis = min(first, 1 - first, key=lambda axis: len(bays(ground, axis, 0)))
+        self.bays = bays(ground, self.axis, 0)
         self.plan = RoofPlan(self.corners / MICRO)
         if gabled:
             self.plan = RoofPlan(self.corners / MICRO, self._gables())
@@ -215,33 +217,56 @@ class Roof:
         return int(ends.min()), int(ends.max())
 
     def _plates(self) -> np.ndarray:
-        """Lay plates on the walls below eaves, half-lapped at the corners into one ring."""
-        found = []
+        """
+        Lay plates on the walls below eaves, half-lapped at the corners into one ring.
+
+        Those along the axis run on through the plan where it widens, up to the next wall.
+        """
+        found = {}
         for edge in self._eaves_of():
-            quarter = self.walls[edge].facade.quarter
-            start, end = self._along(edge)
-            insets, joints = zip(*(self._inset(edge, other) for other in (
-                (edge - 1, edge + 1) if quarter < 2 else (edge + 1, edge - 1))))
+            quarter, n = self.walls[edge].facade.quarter, len(self.walls)
             line = int(self.corners[edge, 1 - quarter % 2])
             line -= self.plate if quarter in (1, 2) else 0
-            found.append(self._box(quarter % 2, (start + insets[0], end - insets[1]),
-                                   (line, line + self.plate), self.height,
-                                   self.height + self.gauge, 'plate', joints))
-        boxes = stack(found)
-        rows = self.site.add(boxes, PIECE)
+            others = [(edge - 1) % n, (edge + 1) % n][::1 if quarter < 2 else -1]
+            ends = list(self._along(edge))
+            insets = [self._inset(edge, other) for other in others]
+            if quarter % 2 == self.axis:
+                for k, other in enumerate(self._crossed(line + self.plate // 2, ends)):
+                    if other not in others:
+                        ends[k], insets[k] = int(self.corners[other, self.axis]), self.plate
+                    if other in self.plan.gables:
+                        insets[k] = self.layout.thickness
+                    others[k] = other
+            found[quarter, line, ends[0]] = self._box(
+                quarter % 2, (ends[0] + insets[0], ends[1] - insets[1]), (line, line + self.plate),
+                self.height, self.height + self.gauge, 'plate',
+                [_PLATE_JOINT * (other in self.plan.gables) for other in others])
+        boxes = split_along(stack(list(found.values())), PIECE, 0)
+        boxes.member[:] = self.site.next_member
+        rows = self.site.add(boxes)
         return np.arange(rows.start, rows.stop)
 
-    def _inset(self, edge: int, other: int) -> tuple[int, int]:
-        """Return the distance of the end of a plate from a corner, and the joint there [µm]."""
-        n = len(self.walls)
-        if other % n in self.plan.gables:
-            return self.layout.thickness, _PLATE_JOINT
-        before, after = self.plan.ways[min(edge, other) % n], self.plan.ways[max(edge, other) % n]
-        turn = round(float(before[0] * after[1] - before[1] * after[0]))
-        runs = self.walls[edge].facade.quarter % 2 == self.axis
-        if turn > 0:
-            return 0 if runs else self.plate, 0
-        return -self.plate if runs and turn else 0, 0
+    def _inset(self, edge: int, other: int) -> int:
+        """Return the distance of the end of a plate from a corner [µm]."""
+        if other in self.plan.gables:
+            return self.layout.thickness
+        return 0 if self.walls[edge].facade.quarter % 2 == self.axis or not self._convex(
+            edge, other) else self.plate
+
+    def _convex(self, edge: int, other: int) -> bool:
+        """Return whether two neighbouring edges meet at an outer corner."""
+        first, second = (edge, other) if other == (edge + 1) % len(self.walls) else (other, edge)
+        a, b = self.plan.ways[first], self.plan.ways[second]
+        return bool(a[0] * b[1] - a[1] * b[0] > 0.5)
+
+    def _crossed(self, line: int, ends: Sequence[int]) -> tuple[int, int]:
+        """Find the edges at both ends of the stretch of the plan around a part of a line."""
+        crossed = sorted((int(self.corners[edge, self.axis]), edge)
+                         for edge, wall in enumerate(self.walls)
+                         if wall.facade.quarter % 2 != self.axis
+                         and self._along(edge)[0] < line < self._along(edge)[1])
+        return (max(c for c in crossed if c[0] <= ends[0])[1],
+                min(c for c in crossed if c[0] >= ends[1])[1])
 
     def _nodes(self) -> list[Node]:
         """Set posts where boards meet."""
@@ -453,50 +478,54 @@ class Roof:
 
     def _tie(self) -> None:
         """Tie opposite plates together, so that the rafters do not push the walls apart."""
-        axis, across, ties = self.axis, 1 - self.axis, []
-        for place in self._tie_places():
-            for start, end in self._stretches(across, place):
-                ties.append((place, start, end))
-                self._lay_tie(across, start, end, place)
-        if not any(self.walls[i].facade.quarter % 2 == across for i in self._eaves_of()):
-            return
-        low, high = int(self.low[across]), int(self.high[across])
-        middles = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
-        for line in (middles.astype(int) - TIE[0] // 2).tolist():
-            cuts = [place for place, start, end in ties if start < line + TIE[0] and line < end]
-            for start, end in self._stretches(axis, line):
-                inside = sorted(place for place in cuts if start < place + TIE[0] and place < end)
-                for a, b in zip([start, *(place + TIE[0] for place in inside)], [*inside, end]):
-                    if b - a > _LEAST_STRUT:
-                        self._lay_tie(axis, a, b, line)
+        for bay in self.bays:
+            sides = [self._side(bay.outer, axis, end) for axis in (0, 1) for end in (0, 1)]
+            axis, across = self.axis, 1 - self.axis
+            sizes = [sum(sides[2 * way + end][1] for end in (0, 1)) * MICRO + bay.outer.size[way]
+                     / MICRO for way in (0, 1)]
+            if sizes[axis] < sizes[across]:
+                axis, across = across, axis
+            ends = [self._ends(bay.outer, way, sides[2 * way:2 * way + 2]) for way in (0, 1)]
+            places = self._tie_places(bay.outer.low[axis], bay.outer.high[axis])
+            for place in places:
+                self._lay_tie(across, *ends[across], place)
+            if not any(inset and not gabled for inset, gabled in sides[2 * axis:2 * axis + 2]):
+                continue
+            low, high = bay.outer.low[across], bay.outer.high[across]
+            middles = np.linspace(low, high, max(-(-(high - low) // _STRUT), 2) + 1)[1:-1]
+            for line in (middles.astype(int) - TIE[0] // 2).tolist():
+                for start, end in zip([ends[axis][0], *(place + TIE[0] for place in places)],
+                                      [*places, ends[axis][1]]):
+                    self._lay_tie(axis, start, end, line)
+
+    def _side(self, bay: Rectangle, axis: int, end: int) -> tuple[int, bool]:
+        """Return how far inside of one side of a bay ties end [µm], and whether at a gable."""
+        line = (bay.low, bay.high)[end][axis]
+        for edge in range(len(self.walls)):
+            quarter, along = self.walls[edge].facade.quarter, self._along(edge)
+            if (quarter % 2 != axis and self.corners[edge, axis] == line
+                    and (quarter in (1, 2)) == bool(end)
+                    and along[0] < bay.high[1 - axis] and along[1] > bay.low[1 - axis]):
+                gabled = edge in self.plan.gables
+                return self.layout.thickness if gabled else self.plate, gabled
+        return 0, False
+
+    def _ends(self, bay: Rectangle, axis: int, sides: Sequence[tuple[int, bool]]
+              ) -> tuple[int, int]:
+        return bay.low[axis] + sides[0][0], bay.high[axis] - sides[1][0]
 
     def _lay_tie(self, axis: int, start: int, end: int, place: int) -> None:
-        self.site.add(self._box(axis, (start, end), (place, place + TIE[0]), self.height,
-                                self.height + self.gauge, 'tie'), PIECE)
+        if end - start > _LEAST_STRUT:
+            self.site.add(self._box(axis, (start, end), (place, place + TIE[0]), self.height,
+                                    self.height + self.gauge, 'tie'), PIECE)
 
-    def _tie_places(self) -> list[int]:
-        first = int(self.low[self.axis]) + self.layout.thickness + TIE[1]
-        last = int(self.high[self.axis]) - self.layout.thickness - TIE[1] - TIE[0]
+    def _tie_places(self, low: int, high: int) -> list[int]:
+        first = low + self.layout.thickness + TIE[1]
+        last = high - self.layout.thickness - TIE[1] - TIE[0]
         if last < first + 2 * TIE[0]:  # no room for two
             return [(first + last) // 2]
         count = max(-(-(last - first) // TIE[1]), 1) + 1
         return [round(place) for place in np.linspace(first, last, count).tolist()]
-
-    def _stretches(self, axis: int, place: int) -> Iterator[tuple[int, int]]:
-        """Yield the ends of ties along an axis, between plates and clear of walls beside them."""
-        sides: list[list[tuple[int, int]]] = []
-        for line in (place - self.layout.thickness, place + TIE[0] + self.layout.thickness):
-            crossed = sorted((int(self.corners[edge, axis]), edge in self.plan.gables)
-                             for edge, wall in enumerate(self.walls)
-                             if wall.facade.quarter % 2 != axis
-                             and self._along(edge)[0] <= line < self._along(edge)[1])
-            inset = [(end, self.layout.thickness if gable else self.plate)
-                     for end, gable in crossed]
-            sides.append([(a + d, b - e) for (a, d), (b, e) in zip(inset[::2], inset[1::2])])
-        for a, b in sides[0]:
-            for c, d in sides[1]:
-                if min(b, d) - max(a, c) > TIE[1]:
-                    yield max(a, c), min(b, d)
 
     def _frame(self, pose: np.ndarray) -> int:
         self.site.frames.append(pose)
