@@ -42,7 +42,8 @@ GAUGE = 0.32            # [m] largest distance of battens
 TILE_AREA = TILE[0] * GAUGE  # [m²] of roof that a tile covers
 APART = 0.001           # [m] tiles do not touch each other
 _LEAST = 0.05           # [m] least length of a tile on a batten
-_LOW = (0.06, 0.005)    # [m] least height of rows of tiles, and of those between two changes
+# [m] least height of rows of tiles, of those between two changes, and above the last batten
+_LOW = (0.06, 0.005, 0.25)
 CLEAR = 0.005           # [m] between timbers that are cut to meet
 LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
 RIDGE_TILE = 0.45       # [m] length of ridge tiles
@@ -216,10 +217,7 @@ class Slope:
         :param frame: index of the slope's frame.
         :param rafters: that carry the battens.
         """
-        top = float(rafters.reach.max()) - BATTEN[0]
-        bottom = float(self.along(-OVERHANG, 0.0))
-        lines = [float(x) + 0.5 * BATTEN[0] for x in np.linspace(
-            bottom, top, int(np.ceil((top - bottom) / GAUGE)) + 1)]
+        lines = self._lines(float(rafters.reach.max()) - BATTEN[0])
         battens = [(x, *ends) for x in lines for ends in self._battens(x, rafters)]
         site.add(_boxes(site, [((x - 0.5 * BATTEN[0], -b, self.depth),
                                 (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1]))
@@ -234,6 +232,24 @@ class Slope:
         self._hang(site, frame, [
             self._row(field, line - LAP, float(self.along(field.high, level)) - APART, level)
             for field, line in top], level, RIDGE_TILE, Joint.FIXING)
+
+    def _lines(self, top: float) -> list[float]:
+        """
+        Place battens evenly, with one where fields change and one below each ridge.
+
+        :param top: lower side of the uppermost batten [m].
+        """
+        marks = [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
+        marks += [float(self.along(r[2] - 0.5 * RIDGE - CLEAR, 0.0)) - 0.5 * BATTEN[0]
+                  for r in self.ridges]
+        stops = [float(self.along(-OVERHANG, 0.0))]
+        for x in sorted(mark - 0.5 * BATTEN[0] for mark in marks):
+            if stops[-1] + 2.0 * BATTEN[0] < x < top - 2.0 * BATTEN[0]:
+                stops.append(x)
+        parts = [np.linspace(a, b, int(np.ceil((b - a) / GAUGE)) + 1)
+                 for a, b in zip(stops, [*stops[1:], top])]
+        return [float(x) + 0.5 * BATTEN[0] for x in (parts[0][0], *np.concatenate(
+            [part[1:] for part in parts]))]
 
     def _ridge_line(self, field: Field, lines: Sequence[float]) -> float | None:
         """Return the batten from which ridge tiles reach up to the top of a field, if any do."""
@@ -279,8 +295,9 @@ class Slope:
         """Return rows of tiles that end on battens; rows without one between them are joined."""
         ends = self.along([field.low, field.high], self.depth + BATTEN[1]).tolist()
         low, high = max(ends[0], lines[0]), ends[1]
-        high = self._ridge_line(field, lines) or high
-        marks = [low, *(x for x in lines if low + _LOW[0] < x < high - _LOW[0]), high]
+        ridge = self._ridge_line(field, lines)
+        high, room = (high, _LOW[2]) if ridge is None else (ridge, _LOW[0])
+        marks = [low, *(x for x in lines if low + _LOW[0] < x < high - room), high]
         rows: list[Row] = []
         for start, end in zip(marks, marks[1:]):
             row = self._row(field, start, end, self.depth + BATTEN[1])
