@@ -189,6 +189,12 @@ class Roof:
                   if hypot(*(arc.end - arc.start)) > _ONE]
         holders = np.concatenate([part for _, part in boards])
         valleys = np.concatenate([part for arc, part in boards if arc.valley] or [holders])
+        for arc, parts in boards:
+            for other, more in boards:
+                if (arc.valley and not other.valley and arc.low == other.low == 0.0
+                        and hypot(*(arc.end - other.end)) < _ONE
+                        and hypot(*(arc.start + other.start - 2.0 * arc.end)) < _ONE):
+                    self._brace(arc, other, np.concatenate([parts, more]))
         planes = list(dict.fromkeys(int(self.plan.plane[edge]) for edge in self._eaves_of()))
         for plane in planes:
             slope = self._slope(plane, nodes)
@@ -343,6 +349,30 @@ class Roof:
         if start is None:
             self._seat_board(pose, parts[0], slope, depth, plates)
         return parts
+
+    def _brace(self, arc: Arc, other: Arc, boards: np.ndarray) -> None:
+        """
+        Tie the foot of a valley to that of the hip which it meets in one line, over other ties.
+
+        :param arc, other: the valley and the hip.
+        :param boards: parts of both.
+        """
+        way = other.start - arc.start
+        length, rise = hypot(*way), (arc.high - arc.low) / hypot(*(arc.end - arc.start))
+        start = (self.gauge / MICRO + 2.0 * CLEAR) / (rise * tan(self.pitch))
+        first, half = self.site.frames[0][3:], 0.5 * TIE[0] / MICRO
+        pose = np.concatenate([
+            rotation.rotate(first, np.array([*arc.start, self.eaves + CLEAR])),
+            rotation.multiply(first, rotation.from_yaw(float(atan2(way[1], way[0]))))])
+        rows = self.site.add(from_cells(
+            micros([start, -half, 0.0]), micros([length - start, half, self.gauge / MICRO]),
+            frame=self._frame(pose), joint=Joint.LAP, kind=self.site.kind('tie'),
+            material=self.site.material('timber')), PIECE)
+        points = pose[:3] + rotation.rotate(pose[3:], np.array([
+            [x, 0.0, self.gauge / MICRO] for x in (start + half, length - start - half)]))
+        self._bond(np.array([rows.start, rows.stop - 1]), self._nearest(boards, points), points,
+                   np.tile([0.0, 0.0, 1.0], (2, 1)), (2.0 * half, 2.0 * half),
+                   np.full((2, 2), half), rotation.rotate(pose[3:], np.array([0.0, 1.0, 0.0])))
 
     def _seat_board(self, pose: np.ndarray, part: int, slope: float, depth: float,
                     plates: np.ndarray) -> None:
