@@ -163,8 +163,8 @@ class Slope:
                      for edge, edge_is_cut, sign in self._extent())
         if high < low:
             low = high = 0.5 * (low + high)
-        marks = [low, *sorted(post.place for post in self.posts
-                              if low + RAFTER < post.place < high - RAFTER), high]
+        marks = [low, *sorted(place for post in self.posts for place in self._beside(post)
+                              if low + RAFTER < place < high - RAFTER), high]
         place = np.concatenate([[low], *(np.linspace(a, b, max(int(np.ceil(
             (b - a) / RAFTER_SPACING)), 1) + 1)[1:] for a, b in zip(marks, marks[1:])
             if b - a > 2.0 * RAFTER)])
@@ -179,6 +179,13 @@ class Slope:
             frame=frame, axis=0, joint=Joint.NAIL, kind=site.kind('rafter'),
             material=site.material('timber'))
         return Ends(*site.add_spans(boxes, PIECE), place, start, reach)
+
+    def _beside(self, post: Post) -> list[float]:
+        """Return where rafters go at a post: below it, or on both sides if they are above it."""
+        above = any(abs(f.low - post.height) < APART and f.start.place(f.low) + APART < post.place
+                    < f.end.place(f.low) - APART for f in self.fields)
+        aside = post.radius + RAFTER
+        return [post.place - aside, post.place + aside] if above else [post.place]
 
     def _reach(self, place: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray]:
         """Compute how far rafters reach clear of boards and posts, from the eaves in plan [m]."""
