@@ -29,7 +29,7 @@ from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micr
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
 from procphys_ros.wallgrammar.plan import bays, Rectangle
-from procphys_ros.wallgrammar.roof_plan import Arc, RoofPlan
+from procphys_ros.wallgrammar.roof_plan import Arc, EVERYWHERE, RoofPlan
 from procphys_ros.wallgrammar.slopes import (
     BOARD,
     CLEAR,
@@ -38,7 +38,6 @@ from procphys_ros.wallgrammar.slopes import (
     Post,
     RAFTER,
     rafter_depth,
-    RIDGE,
     Slope,
     Span,
     TILE_AREA,
@@ -136,7 +135,7 @@ class Roof:
             ends = [float(((plan.points[corner % n] - plan.points[plane]) * plan.ways[plane]).sum())
                     for corner in (edge, edge + 1)]
             if not found & {(edge - 1) % n, (edge + 1) % n} and any(
-                    field.start.way > 0.0 > field.end.way
+                    field.low == EVERYWHERE and field.start.way > 0.0 > field.end.way
                     and field.end.place(field.high) - field.start.place(field.high) < _ONE
                     and np.allclose((field.start.at, field.end.at), ends, 0.0, _ONE)
                     for field in plan.faces[plane]):
@@ -302,7 +301,7 @@ class Roof:
                     hypot(*(arc.start - place)), hypot(*(arc.end - place))) < _ONE]
         angles = np.sort(atan2(*np.array(ways).T[::-1]))
         between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
-        return float(max(0.5 * RIDGE / tan(0.5 * min(between.min(), 0.5 * np.pi)),
+        return float(max(0.5 * BOARD / tan(0.5 * min(between.min(), 0.5 * np.pi)),
                          np.sqrt(2.0) * _POST) + CLEAR)
 
     def _post(self, place: np.ndarray, height: float) -> int:
@@ -399,7 +398,7 @@ class Roof:
         bottom, top = self._ridge_levels(arc.high)
         axis = int(np.argmax(np.abs(arc.end - arc.start)))
         low, high = sorted(nodes, key=lambda node: float(node.place[axis]))
-        half, line = micro(0.5 * RIDGE), micro(low.place[1 - axis])
+        half, line = micro(0.5 * BOARD), micro(low.place[1 - axis])
         rows = self.site.add(self._box(
             axis, (micro(low.place[axis] + low.radius), micro(high.place[axis] - high.radius)),
             (line - half, line + half), bottom, top, 'ridge'), PIECE)
@@ -413,7 +412,7 @@ class Roof:
 
     def _ridge_levels(self, span: float) -> tuple[int, int]:
         """Compute bottom (on a course) and top of the ridge board [µm]."""
-        underside = self.eaves + (span - 0.5 * RIDGE) * tan(self.pitch)
+        underside = self.eaves + (span - 0.5 * BOARD) * tan(self.pitch)
         bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
         top = micro(underside + self.depth * cos(self.pitch) - 0.005)
         if bottom < self.height + self.gauge:
@@ -481,7 +480,7 @@ class Roof:
 
     def _gable_wall(self, wall: Elevation) -> None:
         """Continue the courses of a wall up to the roof, around the ridge."""
-        length, half = wall.facade.length, micro(0.5 * RIDGE) + _RIDGE_ROOM
+        length, half = wall.facade.length, micro(0.5 * BOARD) + _RIDGE_ROOM
         seat, top = self._ridge_levels(0.5 * length / MICRO)
         first = self.height // self.gauge
         peak = micro(self.eaves + 0.5 * length / MICRO * tan(self.pitch)) // self.gauge
@@ -599,7 +598,7 @@ class Roof:
         along = slope.world(np.ones(1), np.zeros(1), 0.0)[0] - slope.pose[:3]
         along[2] = 0.0
         normal = np.tile(side * along / norm(along), (len(points), 1))
-        reach = np.column_stack([half, np.full(len(points), 0.5 * RIDGE)])
+        reach = np.column_stack([half, np.full(len(points), 0.5 * BOARD)])
         self._bond(parts, self._nearest(holders, points), points, normal, (RAFTER, self.depth),
                    np.minimum(reach, 0.5))
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:

@@ -28,8 +28,7 @@ from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.roof_plan import Edge, Field
 
 RAFTER = 0.05            # [m] width of rafters
-BOARD = 0.05             # [m] thickness of the boards at hips and valleys
-RIDGE = 0.075            # [m] thickness of the ridge board
+BOARD = 0.075            # [m] thickness of the boards at ridges, hips and valleys
 _SHALLOWEST = 0.12       # [m] least depth of rafters
 _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
@@ -42,8 +41,8 @@ GAUGE = 0.32            # [m] largest distance of battens
 TILE_AREA = TILE[0] * GAUGE  # [m²] of roof that a tile covers
 APART = 0.001           # [m] tiles do not touch each other
 _LEAST = 0.05           # [m] least length of a tile on a batten
-# [m] least height of rows of tiles, of those between two changes, and above the last batten
-_LOW = (0.06, 0.005, 0.25)
+_LOW = (0.06, 0.005)    # [m] least height of rows of tiles, and of those between two changes
+_TAIL = 0.15            # [m] in plan: battens nearer to a top than this do not end rows
 CLEAR = 0.005           # [m] between timbers that are cut to meet
 LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
 RIDGE_TILE = 0.45       # [m] length of ridge tiles
@@ -207,7 +206,7 @@ class Slope:
             head = np.where(high > low, np.maximum(head, high), head)
         for start, end, height in self.ridges:
             below = (place > start - 0.5 * RAFTER) & (place < end + 0.5 * RAFTER)
-            head[below] = np.minimum(head, height - 0.5 * RIDGE - CLEAR)[below]
+            head[below] = np.minimum(head, height - 0.5 * BOARD - CLEAR)[below]
         for post in self.posts:
             near = np.abs(place - post.place) < 0.5 * RAFTER + post.radius
             above = near & (post.height > 0.5 * (np.maximum(foot, 0.0) + head))
@@ -247,7 +246,7 @@ class Slope:
         :param top: lower side of the uppermost batten [m].
         """
         marks = [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
-        marks += [float(self.along(r[2] - 0.5 * RIDGE - CLEAR, 0.0)) - 0.5 * BATTEN[0]
+        marks += [float(self.along(r[2] - 0.5 * BOARD - CLEAR, 0.0)) - 0.5 * BATTEN[0]
                   for r in self.ridges]
         stops = [float(self.along(-OVERHANG, 0.0))]
         for x in sorted(mark - 0.5 * BATTEN[0] for mark in marks):
@@ -303,7 +302,10 @@ class Slope:
         ends = self.along([field.low, field.high], self.depth + BATTEN[1]).tolist()
         low, high = max(ends[0], lines[0]), ends[1]
         ridge = self._ridge_line(field, lines)
-        high, room = (high, _LOW[2]) if ridge is None else (ridge, _LOW[0])
+        room = _LOW[0]
+        if ridge is None:  # tiles that reach on to the top hang on two battens
+            room = float(self.along(_TAIL, self.depth + BATTEN[1]))
+        high = ridge or high
         marks = [low, *(x for x in lines if low + _LOW[0] < x < high - room), high]
         rows: list[Row] = []
         for start, end in zip(marks, marks[1:]):
