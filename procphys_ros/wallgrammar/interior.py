@@ -17,8 +17,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from procphys_ros.errors import nearest_names
 from procphys_ros.wallgrammar import spires
 from procphys_ros.wallgrammar.bodies import Neighbour

@@ -25,7 +25,16 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, micro, micros, split_along, stack
+from procphys_ros.wallgrammar.boxes import (
+    Boxes,
+    from_cells,
+    Joint,
+    MICRO,
+    micro,
+    micros,
+    split_along,
+    stack,
+)
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
 from procphys_ros.wallgrammar.plan import bays, Rectangle
@@ -132,8 +141,8 @@ class Roof:
         found: set[int] = set()
         n, plan = len(quarters), self.plan
         for edge, plane in enumerate(plan.plane.tolist()):
-            ends = [float(((plan.points[corner % n] - plan.points[plane]) * plan.ways[plane]).sum())
-                    for corner in (edge, edge + 1)]
+            ends = [float(((plan.points[corner] - plan.points[plane]) * plan.ways[plane]).sum())
+                    for corner in (edge, (edge + 1) % n)]
             if not found & {(edge - 1) % n, (edge + 1) % n} and any(
                     field.low == EVERYWHERE and field.start.way > 0.0 > field.end.way
                     and field.end.place(field.high) - field.start.place(field.high) < _ONE
@@ -601,6 +610,7 @@ class Roof:
         reach = np.column_stack([half, np.full(len(points), 0.5 * BOARD)])
         self._bond(parts, self._nearest(holders, points), points, normal, (RAFTER, self.depth),
                    np.minimum(reach, 0.5))
+
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Find the part among some that is nearest to each point, (n,)."""
         boxes = self.site.boxes().take(rows)

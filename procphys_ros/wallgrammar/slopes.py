@@ -228,10 +228,14 @@ class Slope:
         site.add(_boxes(site, [((x - 0.5 * BATTEN[0], -b, self.depth),
                                 (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1]))
                                for x, a, b in battens], frame, 'batten', 'timber'), PIECE)
-        level = self.depth + BATTEN[1]
-        self._hang(site, frame, [row for field in self.fields
-                                 for row in self._rows(field, lines, battens)], level, TILE[0],
-                   Joint.NAIL)
+        rows = [row for field in self.fields for row in self._rows(field, lines, battens)]
+        near = 0.5 * BATTEN[0]
+        nailed = [any(row.low - near < x < row.high + near and min(b, row.end.max())
+                      > max(a, row.start.min()) for x, a, b in battens) for row in rows]
+        for joint in (Joint.NAIL, Joint.FIXING):  # what reaches no batten is fixed to other tiles
+            self._hang(site, frame, [row for row, nail in zip(rows, nailed)
+                                     if nail == (joint == Joint.NAIL)],
+                       self.depth + BATTEN[1], TILE[0], joint)
         level = self.depth + COVER
         top = [(field, line) for field in self.fields
                if (line := self._ridge_line(field, lines)) is not None]
