@@ -85,6 +85,7 @@ class RoofPlan:
     :ivar points: corners, counter-clockwise [m], (n, 2).
     :ivar gables: edges that stand still.
     :ivar ways, normals: directions of the edges, and at right angles inwards, (n, 2).
+    :ivar turns: sines of the turns at the corners, where edges begin, (n,).
     :ivar plane: first edge in the same line, (n,).
     :ivar edges: without those in one line with the one before.
     :ivar faces: fields by plane; along the eaves 0 is the start of the plane's first edge.
@@ -100,6 +101,8 @@ class RoofPlan:
         edges = np.roll(self.points, -1, axis=0) - self.points
         self.ways = edges / hypot(*edges.T)[:, None]
         self.normals = np.column_stack([-self.ways[:, 1], self.ways[:, 0]])
+        before = np.roll(self.ways, 1, axis=0)
+        self.turns = before[:, 0] * self.ways[:, 1] - before[:, 1] * self.ways[:, 0]
         self.lines = (self.normals * self.points).sum(axis=1)
         self.speeds = np.array([float(i not in self.gables) for i in range(len(edges))])
         alike = ((np.abs(self.normals[:, None] - self.normals) < _STILL).all(axis=2)

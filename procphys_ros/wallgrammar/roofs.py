@@ -241,39 +241,27 @@ class Roof:
             quarter, n = self.walls[edge].facade.quarter, len(self.walls)
             line = int(self.corners[edge, 1 - quarter % 2])
             line -= self.plate if quarter in (1, 2) else 0
-            others = [(edge - 1) % n, (edge + 1) % n][::1 if quarter < 2 else -1]
-            ends = list(self._along(edge))
-            insets = [self._inset(edge, other) for other in others]
+            ends, others = list(self._along(edge)), [(edge - 1) % n, (edge + 1) % n]
+            corners = [edge, others[1]]
+            if quarter > 1:
+                others.reverse()
+                corners.reverse()
+            insets = [self.plate * bool(self.plan.turns[corner] > 0.5) for corner in corners]
             if quarter % 2 == self.axis:
-                for k, other in enumerate(self._crossed(line + self.plate // 2, ends)):
-                    if other not in others:
-                        ends[k], insets[k] = int(self.corners[other, self.axis]), self.plate
-                    if other in self.plan.gables:
-                        insets[k] = self.layout.thickness
-                    others[k] = other
+                for k, other in enumerate(self._around(line + self.plate // 2, ends)):
+                    insets[k] = self.plate * (other != others[k])
+                    ends[k], others[k] = int(self.corners[other, self.axis]), other
+            gabled = [other in self.plan.gables for other in others]
+            low, high = (self.layout.thickness if g else i for g, i in zip(gabled, insets))
             found[quarter, line, ends[0]] = self._box(
-                quarter % 2, (ends[0] + insets[0], ends[1] - insets[1]), (line, line + self.plate),
-                self.height, self.height + self.gauge, 'plate',
-                [_PLATE_JOINT * (other in self.plan.gables) for other in others])
+                quarter % 2, (ends[0] + low, ends[1] - high), (line, line + self.plate),
+                self.height, self.height + self.gauge, 'plate', [_PLATE_JOINT * g for g in gabled])
         boxes = split_along(stack(list(found.values())), PIECE, 0)
         boxes.member[:] = self.site.next_member
         rows = self.site.add(boxes)
         return np.arange(rows.start, rows.stop)
 
-    def _inset(self, edge: int, other: int) -> int:
-        """Return the distance of the end of a plate from a corner [µm]."""
-        if other in self.plan.gables:
-            return self.layout.thickness
-        return 0 if self.walls[edge].facade.quarter % 2 == self.axis or not self._convex(
-            edge, other) else self.plate
-
-    def _convex(self, edge: int, other: int) -> bool:
-        """Return whether two neighbouring edges meet at an outer corner."""
-        first, second = (edge, other) if other == (edge + 1) % len(self.walls) else (other, edge)
-        a, b = self.plan.ways[first], self.plan.ways[second]
-        return bool(a[0] * b[1] - a[1] * b[0] > 0.5)
-
-    def _crossed(self, line: int, ends: Sequence[int]) -> tuple[int, int]:
+    def _around(self, line: int, ends: Sequence[int]) -> tuple[int, int]:
         """Find the edges at both ends of the stretch of the plan around a part of a line."""
         crossed = sorted((int(self.corners[edge, self.axis]), edge)
                          for edge, wall in enumerate(self.walls)
