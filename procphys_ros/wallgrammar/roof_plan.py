@@ -96,6 +96,7 @@ class RoofPlan:
     gables: frozenset[int] = frozenset()
     faces: dict[int, list[Field]] = field(default_factory=dict)
     arcs: list[Arc] = field(default_factory=list)
+    _between: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         edges = np.roll(self.points, -1, axis=0) - self.points
@@ -146,23 +147,22 @@ class RoofPlan:
         """Compute how far a polygon can shrink before an edge vanishes or a corner meets one."""
         points, motion = self.outline(loop, time)
         ways, normals = self.ways[loop], self.normals[loop]
-        length = ((np.roll(points, -1, axis=0) - points) * ways).sum(axis=1)
-        rate = ((np.roll(motion, -1, axis=0) - motion) * ways).sum(axis=1)
-        steps = (length / -np.where(rate < -_STILL, rate, -1.0))[rate < -_STILL].tolist()
-        before = np.roll(ways, 1, axis=0)
-        inward = before[:, 0] * ways[:, 1] - before[:, 1] * ways[:, 0] < -_STILL
-        for k in np.flatnonzero(inward).tolist():
-            away = (normals * points[k]).sum(axis=1) - self.lines[loop] - self.speeds[loop] * time
-            closing = self.speeds[loop] - (normals * motion[k]).sum(axis=1)
-            step = away / np.where(closing > _STILL, closing, 1.0)
-            there = points[k] + step[:, None] * motion[k]
-            start = points + step[:, None] * motion
-            end = np.roll(points, -1, axis=0) + step[:, None] * np.roll(motion, -1, axis=0)
-            meets = (closing > _STILL) & (away > -_SAME)
-            meets &= ((there - start) * ways).sum(axis=1) > -_SAME
-            meets &= ((end - there) * ways).sum(axis=1) > -_SAME
-            meets[[k - 1, k]] = False
-            steps += step[meets].tolist()
+        ends = [((p * ways).sum(axis=1), (m * ways).sum(axis=1)) for p, m in (
+            (points, motion), (np.roll(points, -1, axis=0), np.roll(motion, -1, axis=0)))]
+        (start, before), (end, after) = ends  # of edges, along them, and their motion
+        shrinks = after - before < -_STILL
+        steps = ((end - start)[shrinks] / (before - after)[shrinks]).tolist()
+        inward = np.flatnonzero(np.roll(ways, 1, axis=0)[:, 0] * ways[:, 1]
+                                < np.roll(ways, 1, axis=0)[:, 1] * ways[:, 0] - _STILL)
+        away = (_products(points[inward], normals) - self.lines[loop]
+                - self.speeds[loop] * time)
+        closing = self.speeds[loop] - _products(motion[inward], normals)
+        step = away / np.where(closing > _STILL, closing, 1.0)
+        place = _products(points[inward], ways) + step * _products(motion[inward], ways)
+        meets = ((closing > _STILL) & (away > -_SAME) & (place > start + step * before - _SAME)
+                 & (place < end + step * after + _SAME))
+        meets[np.arange(len(inward))[:, None], np.column_stack([inward - 1, inward])] = False
+        steps += step[meets].tolist()
         return max(min(steps), 0.0)
 
     def _sweep(self, loop: list[int], low: float, high: float) -> None:
@@ -179,61 +179,59 @@ class RoofPlan:
                 self._add(plane, Field(low or EVERYWHERE, high, start, end))
             if self.gables.isdisjoint((edge, loop[k - 1])):
                 a, b = self.ways[loop[k - 1]], self.ways[edge]
-                self._extend(Arc(points[k], later[k], low, high,
-                                 bool(a[0] * b[1] - a[1] * b[0] < 0.0)))
+                self._extend((int(self.plane[loop[k - 1]]), plane), Arc(
+                    points[k], later[k], low, high, bool(a[0] * b[1] - a[1] * b[0] < 0.0)))
 
     def _add(self, plane: int, new: Field) -> None:
         """Add a field to a face, or go on with one below it whose ends are the same."""
         fields = self.faces.setdefault(plane, [])
         for i, old in enumerate(fields):
-            if old.high == new.low and np.allclose([*old.start, *old.end],
-                                                   [*new.start, *new.end], 0.0, _SAME):
+            if old.high == new.low and max(abs(a - b) for a, b in zip(
+                    (*old.start, *old.end), (*new.start, *new.end))) < _SAME:
                 fields[i] = old._replace(high=new.high)
                 return
         fields.append(new)
 
-    def _extend(self, new: Arc) -> None:
-        """Add a line, or go on with one that ends where it begins, in the same direction."""
-        for i, old in enumerate(self.arcs):
-            a, b = old.end - old.start, new.end - new.start
-            if old.high == new.low > old.low and old.valley == new.valley and (
-                    np.abs(old.end - new.start) < _SAME).all() and (
-                    abs(a[0] * b[1] - a[1] * b[0]) < _SAME and (a * b).sum() > 0.0):
+    def _extend(self, planes: tuple[int, int], new: Arc) -> None:
+        """Add a line between two planes, or go on with one that ends where it begins."""
+        for i in self._between.setdefault(planes, []):
+            old = self.arcs[i]
+            if old.high == new.low and (np.abs(old.end - new.start) < _SAME).all():
                 self.arcs[i] = old._replace(end=new.end, high=new.high)
                 return
+        self._between[planes].append(len(self.arcs))
         self.arcs.append(new)
 
     def _cut(self, loop: list[int], time: float) -> list[list[int]]:
         """Cut a polygon where it touches itself; what has no area is gone, or is a ridge."""
-        points = self.outline(loop, time)[0]
-        nodes: list[np.ndarray] = []
+        places, edges = self._walk(np.asarray(loop), self.outline(loop, time)[0])
+        same = (np.abs(places[:, None] - places) < _SAME).all(axis=2)
         path: list[tuple[int, int]] = []
         parts = []
-        for place, edge in self._walk(loop, points):
-            found = [n for n, node in enumerate(nodes) if (np.abs(node - place) < _SAME).all()]
-            if not found:
-                nodes.append(place)
-            node = found[0] if found else len(nodes) - 1
-            been = [k for k, step in enumerate(path) if step[0] == node]
-            if been:
-                parts.append(path[been[0]:])
-                del path[been[0]:]
+        for node, edge in zip(np.argmax(same, axis=1).tolist(), edges.tolist()):
+            been = [step[0] for step in path]
+            if node in been:
+                parts.append(path[been.index(node):])
+                del path[been.index(node):]
             path.append((node, edge))
-        for part in (*parts, path):
-            if len(part) == 2:
-                self.arcs.append(Arc(nodes[part[0][0]], nodes[part[1][0]], time, time, False))
-        rest = [self._joined([edge for _, edge in part]) for part in (*parts, path)
-                if len(part) > 2]
+        parts.append(path)
+        self.arcs += [Arc(places[part[0][0]], places[part[1][0]], time, time, False)
+                      for part in parts if len(part) == 2]
+        rest = [self._joined([edge for _, edge in part]) for part in parts if len(part) > 2]
         return [part for part in rest if len(part) > 2]
 
-    def _walk(self, loop: list[int], points: np.ndarray) -> list[tuple[np.ndarray, int]]:
-        """List places along a polygon with the edges that go on from there."""
-        found = []
-        for k, edge in enumerate(loop):
-            found.append((points[k], edge))
-            along = ((points - points[k]) * self.ways[edge]).sum(axis=1)
-            aside = np.abs(((points - points[k]) * self.normals[edge]).sum(axis=1))
-            end = along[(k + 1) % len(loop)]
-            on = np.flatnonzero((aside < _SAME) & (along > _SAME) & (along < end - _SAME))
-            found += [(points[i], edge) for i in on[np.argsort(along[on], kind='stable')]]
-        return found
+    def _walk(self, loop: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """List places along a polygon, (m, 2), and the edges that go on from there, (m,)."""
+        along, aside = (_products(points, axis[loop]).T for axis in (self.ways, self.normals))
+        along, aside = (side - np.diagonal(side)[:, None] for side in (along, aside))
+        corners = np.arange(len(loop))
+        end = along[corners, (corners + 1) % len(loop), None]
+        on, place = np.nonzero((np.abs(aside) < _SAME) & (along > _SAME) & (along < end - _SAME))
+        edge = np.concatenate([corners, on])
+        order = np.lexsort((np.concatenate([0.0 * corners, along[on, place]]), edge))
+        return points[np.concatenate([corners, place])[order]], loop[edge[order]]
+
+
+def _products(points: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    """Compute the products of all vectors with all others, (n, 2) and (m, 2), (n, m)."""
+    return points[:, :1] * ways[:, 0] + points[:, 1:] * ways[:, 1]
