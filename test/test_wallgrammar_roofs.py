@@ -42,6 +42,7 @@ panel wall: {layout}
 """
 PLANS = {
     'rectangle': [(0, 0), (8, 0), (8, 5), (0, 5)],
+    'square': [(0, 0), (5, 0), (5, 5), (0, 5)],
     'L': [(0, 0), (6, 0), (6, 4), (4, 4), (4, 7), (0, 7)],
     'T': [(0, 0), (7, 0), (7, 4), (5.2, 4), (5.2, 6), (2.2, 6), (2.2, 4), (0, 4)],
     'U': [(0, 0), (3, 0), (3, 3), (5, 3), (5, 0), (8, 0), (8, 6), (0, 6)],
@@ -174,7 +175,8 @@ _JOINTS = 0.002 * (1.0 / 0.40 + 1.0 / 0.25)  # of the plan: joints of 2 mm betwe
 @pytest.mark.parametrize(('plan', 'roof', 'turn'), [
     ('rectangle', 'gable(10)', 0.0), ('rectangle', 'gable(70)', 0.5 * np.pi),
     ('rectangle', 'hip(10)', 0.5 * np.pi), ('rectangle', 'hip(55)', 0.0),
-    ([(0, 0), (5, 0), (5, 3), (0, 3)], 'hip(70)', 0.0), ('L', 'gable(20)', 0.5),
+    ([(0, 0), (5, 0), (5, 3), (0, 3)], 'hip(70)', 0.0), ('square', 'hip(50)', 0.0),
+    ('square', 'hip(15)', 0.0), ('L', 'gable(20)', 0.5),
     ('L', 'hip(40)', 0.5), ('T', 'gable(60)', 0.5 * np.pi), ('U', 'hip(30)', 2.0),
     ('H', 'gable(45)', 0.0)])
 def test_roofs_are_sound(plan, roof, turn):
