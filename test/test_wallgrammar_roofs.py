@@ -125,7 +125,7 @@ def rows_of(blueprint, kind):
 
 def open_share(blueprint, points):
     """Rain on a plan: return the share of drops that no tile stops."""
-    drops = np.random.default_rng(0).uniform(points.min(axis=0), points.max(axis=0), (4000, 2))
+    drops = np.random.default_rng(0).uniform(points.min(axis=0), points.max(axis=0), (2500, 2))
     return wet(blueprint, drops[inside(drops, points)]).mean()
 
 
@@ -187,7 +187,7 @@ def test_roofs_are_sound(plan, roof, turn):
     assert open_share(house, points) < _JOINTS
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', range(4))
 def test_roofs_over_drawn_plans_are_sound(seed):
     """Roof plans of many corners, of all pitches and turned: sound, and they bear themselves."""
     rng = np.random.default_rng(seed)

@@ -250,8 +250,7 @@ class Slope:
         :param top: lower side of the uppermost batten [m].
         """
         marks = [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
-        marks += [float(self.along(r[2] - 0.5 * BOARD - CLEAR, 0.0)) - 0.5 * BATTEN[0]
-                  for r in self.ridges]
+        marks += [self._below(height) for *_, height in self.ridges]
         stops = [float(self.along(-OVERHANG, 0.0))]
         for x in sorted(mark - 0.5 * BATTEN[0] for mark in marks):
             if stops[-1] + 2.0 * BATTEN[0] < x < top - 2.0 * BATTEN[0]:
@@ -261,11 +260,15 @@ class Slope:
         return [float(x) + 0.5 * BATTEN[0] for x in (parts[0][0], *np.concatenate(
             [part[1:] for part in parts]))]
 
+    def _below(self, height: float) -> float:
+        """Return the place of a batten on the ends of rafters at a ridge [m]."""
+        return float(self.along(height - 0.5 * BOARD - CLEAR, 0.0)) - 0.5 * BATTEN[0]
+
     def _ridge_line(self, field: Field, lines: Sequence[float]) -> float | None:
         """Return the batten from which ridge tiles reach up to the top of a field, if any do."""
         start, end = field.start.place(field.high), field.end.place(field.high)
         level = self.depth + COVER
-        line = max(x for x in lines if x < self.along(field.high, level))
+        line = max(x for x in lines if x < self._below(field.high) + APART)
         goes_on = any(other.low == field.high and other.start.place(other.low) < end
                       and other.end.place(other.low) > start for other in self.fields)
         room = line - LAP > self.along(field.low, level + TILE[1])
