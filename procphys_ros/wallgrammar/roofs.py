@@ -427,14 +427,14 @@ class Roof:
             return float((away * way).sum()), float((away * normal).sum())
 
         def touches(place: float, u: float, height: float) -> bool:
-            return abs(u - height) < 1e-5 and any(
-                f.low - 1e-5 < u < f.high + 1e-5 and f.start.place(u) - 1e-5 < place
-                < f.end.place(u) + 1e-5 for f in fields)
+            return abs(u - height) < _ONE and any(
+                f.low - _ONE < u < f.high + _ONE and f.start.place(u) - _ONE < place
+                < f.end.place(u) + _ONE for f in fields)
 
         ridges, posts = [], []
         for arc in plan.arcs:
             (a, u), (b, v) = sorted((local(arc.start), local(arc.end)))
-            if arc.low == arc.high and abs(u - v) < 1e-5 and touches(0.5 * (a + b), u, arc.high):
+            if arc.low == arc.high and abs(u - v) < _ONE and touches(0.5 * (a + b), u, arc.high):
                 ridges.append((a, b, arc.high))
         for node in nodes:
             place, u = local(node.place)
@@ -507,9 +507,9 @@ class Roof:
         for bay in self.bays:
             sides = [self._side(bay.outer, axis, end) for axis in (0, 1) for end in (0, 1)]
             axis, across = self.axis, 1 - self.axis
-            sizes = [sum(sides[2 * way + end][1] for end in (0, 1)) * MICRO + bay.outer.size[way]
-                     / MICRO for way in (0, 1)]
-            if sizes[axis] < sizes[across]:
+            spans = [(sides[2 * way][1] + sides[2 * way + 1][1], bay.outer.size[way])
+                     for way in (0, 1)]
+            if spans[axis] < spans[across]:  # fewer gables, or shorter
                 axis, across = across, axis
             ends = [self._ends(bay.outer, way, sides[2 * way:2 * way + 2]) for way in (0, 1)]
             places = self._tie_places(bay.outer.low[axis], bay.outer.high[axis])
