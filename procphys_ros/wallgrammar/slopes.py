@@ -223,7 +223,7 @@ class Slope:
         :param frame: index of the slope's frame.
         :param rafters: that carry the battens.
         """
-        lines = self._lines(float(rafters.reach.max()) - BATTEN[0])
+        lines = self._lines(rafters)
         battens = [(x, *ends) for x in lines for ends in self._battens(x, rafters)]
         site.add(_boxes(site, [((x - 0.5 * BATTEN[0], -b, self.depth),
                                 (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1]))
@@ -243,20 +243,25 @@ class Slope:
             self._row(field, line - LAP, float(self.along(field.high, level)) - APART, level)
             for field, line in top], level, RIDGE_TILE, Joint.FIXING)
 
-    def _lines(self, top: float) -> list[float]:
+    def _lines(self, rafters: Ends) -> list[float]:
         """
-        Place battens evenly, with one where fields change and one below each ridge.
+        Place battens evenly, with one below each ridge and apex, and where fields change.
 
-        :param top: lower side of the uppermost batten [m].
+        :param rafters: that carry the battens.
         """
-        marks = [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
-        marks += [self._below(height) for *_, height in self.ridges]
-        stops = [float(self.along(-OVERHANG, 0.0))]
-        for x in sorted(mark - 0.5 * BATTEN[0] for mark in marks):
-            if stops[-1] + 2.0 * BATTEN[0] < x < top - 2.0 * BATTEN[0]:
+        top = float(rafters.reach.max()) - BATTEN[0]
+        # Those at the ends of rafters come first.
+        marks = [self._below(height) for *_, height in self.ridges]
+        marks += [reach - 0.5 * BATTEN[0] for post in self.posts
+                  for reach in rafters.reach[np.abs(rafters.place - post.place) < APART].tolist()]
+        marks += [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
+        stops = [float(self.along(-OVERHANG, 0.0)), top]
+        for x in (mark - 0.5 * BATTEN[0] for mark in marks):
+            if stops[0] < x < top and min(abs(x - stop) for stop in stops) > 2.0 * BATTEN[0]:
                 stops.append(x)
+        stops.sort()
         parts = [np.linspace(a, b, int(np.ceil((b - a) / GAUGE)) + 1)
-                 for a, b in zip(stops, [*stops[1:], top])]
+                 for a, b in zip(stops, stops[1:])]
         return [float(x) + 0.5 * BATTEN[0] for x in (parts[0][0], *np.concatenate(
             [part[1:] for part in parts]))]
 
