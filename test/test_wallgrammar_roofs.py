@@ -29,7 +29,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import faces
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.wallgrammar import WallGrammar
-from procphys_ros.wallgrammar.roof_plan import RoofPlan
+from procphys_ros.wallgrammar.roof_plan import NoRoofError, RoofPlan
 
 TEXT = """
 building b
@@ -157,6 +157,19 @@ def test_faces_cover_every_plan_once(overhang):
         drops = rng.uniform(whole.min(axis=0), whole.max(axis=0), (200, 2))
         times = sum(inside(drops, piece).astype(int) for piece in pieces)
         np.testing.assert_array_equal(times, inside(drops, whole))
+
+
+def test_plans_off_the_square_end_in_a_roof_or_a_refusal():
+    """Turn plans, and round them to 0.1 mm: parallels are none, and changes come in bunches."""
+    rng, roofs = np.random.default_rng(5), 0
+    for _ in range(200):
+        points, turn = drawn_plan(rng), rng.uniform(-np.pi, np.pi)
+        turned = points @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        try:
+            roofs += bool(RoofPlan(np.round(turned, 4)).faces)
+        except NoRoofError:
+            pass
+    assert roofs > 100
 
 
 def test_lines_of_an_l():

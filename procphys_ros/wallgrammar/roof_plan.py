@@ -73,6 +73,10 @@ class Arc(NamedTuple):
     valley: bool
 
 
+class NoRoofError(ValueError):
+    """Corners so close to others, or angles so close to straight, that no roof was found."""
+
+
 @dataclass
 class RoofPlan:
     """
@@ -81,6 +85,8 @@ class RoofPlan:
     All edges but gables move inwards at one speed, as in Aichholzer and others (1995, J. UCS
     1(12)). What they sweep between two changes of the polygon are trapezia. All changes at one
     time are made at once: the shrunken polygon touches itself, and is cut where it does.
+
+    :raises NoRoofError: when changes do not end.
 
     :ivar points: corners, counter-clockwise [m], (n, 2).
     :ivar gables: edges that stand still.
@@ -112,12 +118,15 @@ class RoofPlan:
         self.plane = np.argmax(alike, axis=1)
         self.edges = self._joined(list(range(len(edges))))
         time, loops = 0.0, [self.edges]
-        while loops:
+        for _ in range(2 * len(edges)):  # each change takes an edge away, or cuts a polygon in two
             after = time + min(self._next(loop, time) for loop in loops)
             for loop in loops:
                 self._sweep(loop, time, after)
             loops = [part for loop in loops for part in self._cut(loop, after)]
             time = after
+            if not loops:
+                return
+        raise NoRoofError
 
     def outline(self, loop: Sequence[int], time: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -163,6 +172,8 @@ class RoofPlan:
                  & (place < end + step * after + _SAME))
         meets[np.arange(len(inward))[:, None], np.column_stack([inward - 1, inward])] = False
         steps += step[meets].tolist()
+        if not steps:
+            raise NoRoofError
         return max(min(steps), 0.0)
 
     def _sweep(self, loop: list[int], low: float, high: float) -> None:

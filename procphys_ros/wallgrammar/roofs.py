@@ -38,7 +38,7 @@ from procphys_ros.wallgrammar.boxes import (
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
 from procphys_ros.wallgrammar.plan import bays, Rectangle
-from procphys_ros.wallgrammar.roof_plan import Arc, EVERYWHERE, RoofPlan
+from procphys_ros.wallgrammar.roof_plan import Arc, EVERYWHERE, NoRoofError, RoofPlan
 from procphys_ros.wallgrammar.slopes import (
     BOARD,
     CLEAR,
@@ -112,9 +112,13 @@ class Roof:
         first = walls[0].facade.quarter % 2 if gabled else int(np.argmax(size))
         self.axis = min(first, 1 - first, key=lambda axis: len(bays(ground, axis, 0)))
         self.bays = bays(ground, self.axis, 0)
-        self.plan = RoofPlan(self.corners / MICRO)
-        if gabled:
-            self.plan = RoofPlan(self.corners / MICRO, self._gables())
+        try:
+            self.plan = RoofPlan(self.corners / MICRO)
+            if gabled:
+                self.plan = RoofPlan(self.corners / MICRO, self._gables())
+        except NoRoofError:
+            raise site.place.error('no gable or hip roof was found over this plan; use flat '
+                                   'or none') from None
         room = 2.0 * (min(arc.high for arc in self.plan.arcs) - self.layout.thickness / MICRO)
         if room < _LEAST_ROOM:
             raise site.place.error(f'a gable or hip roof needs at least {_LEAST_ROOM:g} m between '

@@ -82,9 +82,9 @@ class Post(NamedTuple):
     radius: float
 
 
-class Row(NamedTuple):
+class TileRow(NamedTuple):
     """
-    Row of tiles.
+    TileRow of tiles.
 
     :ivar low, high: along the slope [m].
     :ivar start, end: along the eaves, at its low and its high side [m], (2,).
@@ -298,18 +298,18 @@ class Slope:
                 found.append((start, end))
         return found
 
-    def _row(self, field: Field, low: float, high: float, level: float) -> Row:
+    def _row(self, field: Field, low: float, high: float, level: float) -> TileRow:
         """Cut a row at the ends of a field: at the underside at hips, at the top in valleys."""
         def cut(edge: Edge, sign: float) -> np.ndarray:
             z = level + (TILE[1] if sign * edge.way < 0.0 else 0.0)
             return np.array([edge.place(self._plan(x, z)) for x in (low, high)])
         start, end = cut(field.start, 1.0), cut(field.end, -1.0)
         middle = 0.5 * (start + end)  # of apexes, and of the feet of valleys, which are empty
-        return Row(low, high, np.where(end < start, middle, start),
-                   np.where(end < start, middle, end))
+        return TileRow(low, high, np.where(end < start, middle, start),
+                       np.where(end < start, middle, end))
 
     def _rows(self, field: Field, lines: Sequence[float],
-              battens: Sequence[tuple[float, float, float]]) -> list[Row]:
+              battens: Sequence[tuple[float, float, float]]) -> list[TileRow]:
         """Return rows of tiles that end on battens; rows without one between them are joined."""
         ends = self.along([field.low, field.high], self.depth + BATTEN[1]).tolist()
         low, high = max(ends[0], lines[0]), ends[1]
@@ -319,7 +319,7 @@ class Slope:
             room = float(self.along(_TAIL, self.depth + BATTEN[1]))
         high = ridge or high
         marks = [low, *(x for x in lines if low + _LOW[0] < x < high - room), high]
-        rows: list[Row] = []
+        rows: list[TileRow] = []
         for start, end in zip(marks, marks[1:]):
             row = self._row(field, start, end, self.depth + BATTEN[1])
             if float((row.end - row.start).max()) < APART or end - start < _LOW[1]:
@@ -332,7 +332,7 @@ class Slope:
         return [row._replace(low=row.low + APART * (row.low in lines),
                              high=row.high - APART * (row.high in lines)) for row in rows]
 
-    def _hang(self, site: Site, frame: int, rows: Sequence[Row], level: float, width: float,
+    def _hang(self, site: Site, frame: int, rows: Sequence[TileRow], level: float, width: float,
               joint: Joint) -> None:
         """Divide rows into tiles; the first and the last of each are cut to its ends."""
         whole, cut = [], []
