@@ -15,7 +15,7 @@
 
 """Derivation: the steps of an L-system from its axiom to the string that the turtle reads."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +28,7 @@ _MOST_WORK = 100  # work of a derivation in strings of the greatest length, some
 _MOST_PASSES = 1000  # of decomposition rules over their own result
 
 
-class _Work:
+class Work:
     """
     Counts the modules that rules examine, and ends a derivation that would take minutes.
 
@@ -71,28 +71,35 @@ class Derivation:
     decomposition: RuleSet
     interpretation: RuleSet
 
-    def strings(self, steps: int, defines: Mapping[str, float],
-                generator: np.random.Generator) -> Iterator[Modules]:
+    def first(self, defines: Mapping[str, float], generator: np.random.Generator,
+              work: Work) -> Modules:
         """
-        Derive the axiom and its successors.
+        Write the axiom.
 
-        :param steps: number of derivation steps.
         :param defines: value of each define.
         :param generator: source of all random choices.
-        :returns: `steps` + 1 strings; the parameters of one may be changed before the next.
+        :param work: done so far, from `work`.
+        """
+        return self._decompose(self._write_axiom(defines, generator), None, defines, generator,
+                               work)[0]
+
+    def following(self, modules: Modules, defines: Mapping[str, float],
+                  generator: np.random.Generator, work: Work) -> tuple[Modules, np.ndarray]:
+        """
+        Derive the string that follows another; further arguments as in `first`.
+
+        :returns: it, and the row of the old string that each module continues, -1 for new ones.
         :raises GrammarError: when growth or recursion pass their bounds.
         """
-        work = _Work(_MOST_WORK * self.production.max_modules)
-        modules = self._decompose(self._write_axiom(defines, generator), None, defines, generator,
-                                  work)
-        yield modules
-        for _ in range(steps):
-            result = work.rewrite(self.production, modules, defines, generator)
-            modules = self._decompose(result.modules, result.fresh, defines, generator, work)
-            yield modules
+        result = work.rewrite(self.production, modules, defines, generator)
+        return self._decompose(result.modules, result, defines, generator, work)
+
+    def work(self) -> Work:
+        """Begin to count the work of a derivation."""
+        return Work(_MOST_WORK * self.production.max_modules)
 
     def interpret(self, modules: Modules, depth: int, defines: Mapping[str, float],
-                  generator: np.random.Generator) -> Modules:
+                  generator: np.random.Generator) -> tuple[Modules, np.ndarray]:
         """
         Replace modules by their geometry; results are interpreted again, to a depth.
 
@@ -100,14 +107,16 @@ class Derivation:
         :param depth: 1 = results are left as they are.
         :param defines: value of each define.
         :param generator: source of all random choices.
+        :returns: the interpreted string, and the row that each of its modules comes from.
         """
-        fresh, work = None, _Work(_MOST_WORK * self.interpretation.max_modules)
+        fresh, work = None, Work(_MOST_WORK * self.interpretation.max_modules)
+        source = np.arange(len(modules))
         for _ in range(depth):
             result = work.rewrite(self.interpretation, modules, defines, generator, fresh)
-            modules, fresh = result.modules, result.fresh
+            modules, fresh, source = result.modules, result.fresh, source[result.source]
             if result.applied is None:
                 break
-        return modules
+        return modules, source
 
     def _write_axiom(self, defines: Mapping[str, float],
                      generator: np.random.Generator) -> Modules:
@@ -116,17 +125,27 @@ class Derivation:
         return Modules(self.vocabulary, np.array([p.key for p in self.axiom], np.int32),
                        np.array(values, float), np.array([p.origin for p in self.axiom], np.int32))
 
-    def _decompose(self, modules: Modules, fresh: np.ndarray | None,
+    def _decompose(self, modules: Modules, rewritten: Rewritten | None,
                    defines: Mapping[str, float], generator: np.random.Generator,
-                   work: _Work) -> Modules:
-        rule = None
+                   work: Work) -> tuple[Modules, np.ndarray]:
+        """Apply the decomposition to its own result; return as `following`."""
+        rule, fresh, row = None, None, np.arange(len(modules))
+        if rewritten is not None:
+            fresh, row = rewritten.fresh, _continued(rewritten)
         for _ in range(_MOST_PASSES if self.decomposition.rules else 0):
             result = work.rewrite(self.decomposition, modules, defines, generator, fresh)
             if result.applied is None:
-                return modules
-            modules, fresh, rule = *result[:2], result.applied
+                return modules, row
+            before, step = row, _continued(result)
+            row = np.where(step >= 0, before[step], -1)
+            modules, fresh, rule = result.modules, result.fresh, result.applied
         if rule is not None:
             raise rule.place.error(
                 f'the decomposition of {rule.label} did not end after {_MOST_PASSES} passes '
                 f'({len(modules)} modules); give it a condition that becomes false')
-        return modules
+        return modules, row
+
+
+def _continued(result: Rewritten) -> np.ndarray:
+    """Return the row of the old string that each module continues, -1 for new ones, (M,)."""
+    return np.where(result.continues, result.source, -1)

@@ -39,6 +39,7 @@ class Drawing(NamedTuple):
     Geometry recorded by the turtle; see `skeleton.build`.
 
     :ivar polygons: area of the polygons on each segment [m²], (S,).
+    :ivar segment_rows, leaf_rows: module that drew each segment, (S,), and leaf, (L,).
     """
 
     branches: Branches
@@ -46,6 +47,8 @@ class Drawing(NamedTuple):
     ornaments: Ornaments
     textures: tuple[str, ...]
     polygons: np.ndarray
+    segment_rows: np.ndarray
+    leaf_rows: np.ndarray
 
 
 def draw(modules: Modules, tables: tuple, textures: tuple[str, ...]) -> Drawing:
@@ -61,7 +64,9 @@ def draw(modules: Modules, tables: tuple, textures: tuple[str, ...]) -> Drawing:
     middle = branches.base + 0.5 * branches.length[:, None] * _axis(segments, walk.HEADING)
     frames = np.column_stack([middle, branches.attitude])
     return Drawing(branches, _leaves(modules, leaves, frames, len(textures)),
-                   _ornaments(pieces, triangles, frames), textures, _areas(triangles, len(frames)))
+                   _ornaments(pieces, triangles, frames), textures,
+                   _areas(triangles, len(frames)), segments[:, 1].astype(np.intp),
+                   leaves[:, 1].astype(np.intp))
 
 
 def _axis(table: np.ndarray, at: int) -> np.ndarray:

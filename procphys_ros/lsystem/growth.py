@@ -15,9 +15,10 @@
 """Growth: plants whose strings are derived in step, asking their habitat between steps."""
 
 from collections.abc import Mapping, Sequence
-from copy import deepcopy
+from copy import copy, deepcopy
+from dataclasses import dataclass
 import numbers
-from typing import TYPE_CHECKING
+from typing import NamedTuple, TYPE_CHECKING
 
 import numpy as np
 
@@ -40,6 +41,41 @@ _MOST_STEPS = 10_000
 _COLUMNS = dict(zip(FRAME_QUERIES, (walk.POSITION, walk.HEADING, walk.LEFT, walk.UP)))
 
 
+@dataclass
+class GrownString:
+    """
+    All that changes of a plant while its string is derived.
+
+    :ivar key, values, origin: of the string, see `Modules`.
+    :ivar identity: number of each module, kept while rules only change it, (M,).
+    :ivar named: number of the next new module.
+    :ivar steps: derivation steps so far.
+    :ivar generator: of all random choices to come.
+    """
+
+    key: np.ndarray
+    values: np.ndarray
+    origin: np.ndarray
+    identity: np.ndarray
+    named: int
+    steps: int
+    generator: np.random.Generator
+
+
+class Drawn(NamedTuple):
+    """
+    A plant as drawn, with the identities of its segments and leaves.
+
+    :ivar blueprint: in the frame of the plant.
+    :ivar segments, leaves: number of the module that drew each, and its place among those of this
+        module, (S, 2), (L, 2).
+    """
+
+    blueprint: Blueprint
+    segments: np.ndarray
+    leaves: np.ndarray
+
+
 class Growth:
     """
     A plant while its string is derived.
@@ -57,18 +93,46 @@ class Growth:
         self._grammar, self._root = grammar, root
         self._generator = generator_of(seed, grammar.source)
         self._values = resolve_defines(grammar.defines, defines, self._generator, grammar.source)
-        self._strings = grammar.derivation.strings(self._length(steps), self._values,
-                                                   self._generator)
-        self.modules: Modules = next(self._strings)
+        self._length = self._read_length(steps)
+        self._work = grammar.derivation.work()
+        self.modules: Modules = grammar.derivation.first(self._values, self._generator, self._work)
+        self._identity = np.arange(len(self.modules))
+        self._named, self.steps = len(self.modules), 0
         self._is_query = np.array([name[0] == '?' for name in self.modules.vocabulary.names])
         self._asked: dict[str, np.ndarray] = {}  # modules by kind
 
     def advance(self) -> bool:
         """Derive the next string; return False when this was the last one."""
-        following = next(self._strings, None)
-        if following is not None:
-            self.modules = following
-        return following is not None
+        if self.steps >= self._length:
+            return False
+        self.derive()
+        return True
+
+    def derive(self) -> None:
+        """Derive the next string, also past the derivation length."""
+        self.modules, row = self._grammar.derivation.following(
+            self.modules, self._values, self._generator, self._work)
+        fresh = row < 0
+        identity = self._identity[row]
+        identity[fresh] = self._named + np.arange(np.count_nonzero(fresh))
+        self._identity, self._named = identity, self._named + int(np.count_nonzero(fresh))
+        self.steps += 1
+
+    def string(self) -> GrownString:
+        """Return what changes while it grows; `resumed` continues from there."""
+        modules = self.modules
+        return GrownString(modules.key, modules.values, modules.origin, self._identity,
+                           self._named, self.steps, self._generator)
+
+    def resumed(self, string: GrownString | None = None) -> 'Growth':
+        """Return a plant of its kind and place that continues from a string; None = its own."""
+        own = self.string() if string is None else string
+        other = copy(self)
+        other.modules = Modules(self.modules.vocabulary, own.key, own.values.copy(), own.origin)
+        other._identity, other._named, other.steps = own.identity, own.named, own.steps
+        other._generator, other._asked = deepcopy(own.generator), {}
+        other._work = self._grammar.derivation.work()
+        return other
 
     @property
     def asks(self) -> bool:
@@ -78,7 +142,7 @@ class Growth:
     def ask(self) -> Plant:
         """Answer the queries for position and attitude, and list those to the environment."""
         generator = deepcopy(self._generator)  # the final drawing draws the same numbers
-        interpreted = self._interpret(generator)
+        interpreted, _ = self._interpret(generator)
         drawing, found = self._turtle(generator).survey(interpreted)
         place = np.cumsum(self._is_query[interpreted.key]) - 1
         rows = np.flatnonzero(self._is_query[self.modules.key])[place[found[:, 1].astype(int)]]
@@ -104,7 +168,7 @@ class Growth:
 
     def interpreted(self) -> Modules:
         """Apply the interpretation rules to the string."""
-        return self._interpret(self._generator)
+        return self._interpret(self._generator)[0]
 
     def draw(self) -> Drawing:
         """Let the turtle read the interpreted string; an error when that draws nothing."""
@@ -117,6 +181,17 @@ class Growth:
         drawing, _ = self._turtle(self._generator).survey(modules)
         return None if drawing is None else build_drawn(drawing)
 
+    def drawn(self) -> Drawn | None:
+        """Build the blueprint as it would be after the last step; else as `build`."""
+        generator = deepcopy(self._generator)  # the next step draws the same numbers
+        modules, source = self._interpret(generator)
+        drawing, _ = self._turtle(generator).survey(modules)
+        if drawing is None:
+            return None
+        return Drawn(build_drawn(drawing), *(
+            _numbered(self._identity[source[rows]])
+            for rows in (drawing.segment_rows, drawing.leaf_rows)))
+
     def _write(self, rows: np.ndarray, values: np.ndarray) -> None:
         """Write values into as many parameters of modules as there are."""
         starts, counts = self.modules.starts[rows], self.modules.counts[rows]
@@ -124,7 +199,7 @@ class Growth:
             taken = counts > column
             self.modules.values[starts[taken] + column] = values[taken, column]
 
-    def _interpret(self, generator: np.random.Generator) -> Modules:
+    def _interpret(self, generator: np.random.Generator) -> tuple[Modules, np.ndarray]:
         depth = self._whole('maximum depth', self._grammar.depth, generator)
         return self._grammar.derivation.interpret(self.modules, depth, self._values, generator)
 
@@ -134,7 +209,7 @@ class Growth:
                       None if angle is None else angle.number(self._values, generator),
                       self._grammar.textures)
 
-    def _length(self, steps: int | None) -> int:
+    def _read_length(self, steps: int | None) -> int:
         if steps is None:
             return self._whole('derivation length', self._grammar.steps, self._generator)
         if not isinstance(steps, numbers.Integral) or not 0 <= steps <= _MOST_STEPS:
@@ -175,6 +250,15 @@ def grow(plants: Sequence[Growth], habitat: 'Habitat | None' = None) -> None:
                 plant.tell(answers)
         advanced = [plant.advance() for plant in plants]
         growing = any(advanced)
+
+
+def _numbered(owner: np.ndarray) -> np.ndarray:
+    """Number what belongs to the same owner in its order; return owners and numbers, (K, 2)."""
+    order = np.argsort(owner, kind='stable')
+    first = np.flatnonzero(np.diff(owner[order], prepend=-1))
+    number = np.empty(len(owner), np.intp)
+    number[order] = np.arange(len(owner)) - np.repeat(first, np.diff(first, append=len(owner)))
+    return np.column_stack([owner, number])
 
 
 def build_drawn(drawing: Drawing) -> Blueprint:

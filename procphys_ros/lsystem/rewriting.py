@@ -44,11 +44,15 @@ class Rewritten(NamedTuple):
     :ivar modules: the new string.
     :ivar fresh: mask of the modules that a rule wrote, (M,) bool.
     :ivar applied: the rule that wrote most, None when none applied.
+    :ivar source: row of the old string that each module comes from, (M,).
+    :ivar continues: mask of the modules that are the old ones, changed or not, (M,) bool.
     """
 
     modules: Modules
     fresh: np.ndarray
     applied: Production | None
+    source: np.ndarray
+    continues: np.ndarray
 
 
 @kernel
@@ -100,7 +104,8 @@ class RuleSet:
                 same = [rule for rule in self.rules if rule.predecessor == key]
                 matches += _choose(same, rows, modules, starts, tree, defines, generator)
         if not matches:
-            return Rewritten(modules, np.zeros(len(modules), bool), None)
+            return Rewritten(modules, np.zeros(len(modules), bool), None,
+                             np.arange(len(modules)), np.ones(len(modules), bool))
         return self._write(modules, starts, matches, generator)
 
     def _write(self, modules: Modules, starts: np.ndarray, matches: list[_Match],
@@ -124,10 +129,14 @@ class RuleSet:
                         to, to_values, key, origin, values)
         fresh = np.ones(len(key), bool)
         fresh[to[unchanged]] = False
+        continues = ~fresh
         for match in matches:
             _write_successors(match, to[match.rows], to_values[match.rows], key, origin, values,
                               generator)
-        return Rewritten(Modules(modules.vocabulary, key, values, origin), fresh, most.rule)
+            if match.rule.heir >= 0:
+                continues[to[match.rows] + match.rule.heir] = True
+        return Rewritten(Modules(modules.vocabulary, key, values, origin), fresh, most.rule,
+                         np.repeat(np.arange(len(modules)), lengths), continues)
 
     def _check_growth(self, count: int, most: _Match) -> None:
         if count > self.max_modules:

@@ -17,6 +17,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 import re
 
 from lark import Token, Tree
@@ -27,7 +28,7 @@ from procphys_ros.errors import nearest_names
 from procphys_ros.language import compile_expression, ControlCurve, Expression, Place, Value
 from procphys_ros.lsystem.contexts import CLOSE, EXACT_CLOSE, OPEN
 from procphys_ros.lsystem.modules import POP, PUSH, Vocabulary
-from procphys_ros.lsystem.symbols import asking, FRAME_QUERIES, LONG_NAMES, SYMBOLS
+from procphys_ros.lsystem.symbols import asking, FRAME_QUERIES, LONG_NAMES, Op, SYMBOLS
 
 # Words that are not meant letter by letter; FfA is, and Ab may be.
 _CAMEL_CASE = re.compile(r'[A-Z][a-z]{2}|[A-Z][a-z]+[A-Z][a-z]')
@@ -55,11 +56,13 @@ class Produced:
     :ivar key: of the module.
     :ivar origin: index of this piece of the grammar, see `RuleCompiler.origins`.
     :ivar arguments: of its parameters.
+    :ivar may_draw: whether it, or what interprets it, may be a segment.
     """
 
     key: int
     origin: int
     arguments: tuple[Expression, ...] = ()
+    may_draw: bool = False
 
 
 @dataclass(frozen=True)
@@ -93,6 +96,23 @@ class Production:
     def pattern(self) -> tuple:
         """Return the key that rules share if they are alternatives of one draw."""
         return self.predecessor, self.left, self.right, self.weight is None
+
+    @cached_property
+    def heir(self) -> int:
+        """
+        Return the place in the successor of the module that continues the predecessor, -1 = none.
+
+        That is one of its own kind, else one that may draw a segment; the first outside of
+        brackets, else the first within.
+        """
+        depth = np.cumsum([(piece.key == PUSH) * 1 - (piece.key == POP) * 1
+                           for piece in self.successor])
+        places = range(len(self.successor))
+        for alike in ([i for i in places if self.successor[i].key == self.predecessor],
+                      [i for i in places if self.successor[i].may_draw]):
+            if alike:
+                return min(alike, key=lambda i: (depth[i] > 0, i))
+        return -1
 
 
 @dataclass
@@ -227,8 +247,10 @@ class RuleCompiler:
         return tuple(result)
 
     def _one(self, key: int, place: Place, arguments: tuple[Expression, ...] = ()) -> Produced:
-        self.origins.append((place, self.vocabulary.names[key]))
-        return Produced(key, len(self.origins) - 1, arguments)
+        name = self.vocabulary.names[key]
+        self.origins.append((place, name))
+        may_draw = SYMBOLS[name].op == Op.SEGMENT if name in SYMBOLS else True
+        return Produced(key, len(self.origins) - 1, arguments, may_draw)
 
     def _check_brackets(self, tree: Tree, line: int) -> None:
         opened: list[Place] = []

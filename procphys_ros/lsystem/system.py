@@ -117,15 +117,16 @@ class LSystem:
         return any(name[0] == '?' for name in self.grammar.derivation.vocabulary.names)
 
     def plant(self, root: np.ndarray, seed: int = 0,
-              defines: Mapping[str, float] = _NO_DEFINES) -> Growth:
+              defines: Mapping[str, float] = _NO_DEFINES, steps: int | None = None) -> Growth:
         """
         Plant one that is to grow among others; see `grow`.
 
         :param root: pose of its origin, turned about the vertical only [m], (7,), world.
         :param seed: of all random choices.
         :param defines: values that replace those of the grammar.
+        :param steps: number of derivation steps; None = that of the grammar.
         """
-        return Growth(self.grammar, None, seed, defines, root)
+        return Growth(self.grammar, steps, seed, defines, root)
 
     def _grow(self, steps: int | None, seed: int, defines: Mapping[str, float]) -> Growth:
         growth = Growth(self.grammar, steps, seed, defines, _ORIGIN)
