@@ -51,6 +51,7 @@ class CompiledGrammar(NamedTuple):
     :ivar textures: names of the textures.
     :ivar derivation: its rules.
     :ivar origins: place and name of every module that it writes.
+    :ivar made_from: arguments of `compile_grammar`, from which a pickled one is compiled again.
     """
 
     source: str
@@ -62,6 +63,10 @@ class CompiledGrammar(NamedTuple):
     textures: tuple[str, ...]
     derivation: Derivation
     origins: list[tuple[Place, str]]
+    made_from: tuple[str, str, int, Path | None]
+
+    def __reduce__(self) -> tuple:
+        return compile_grammar, self.made_from
 
 
 _RESERVED = ('self', 'steps', 'seed')  # defines are overridden by keyword
@@ -186,7 +191,8 @@ def compile_grammar(text: str, source: str, max_modules: int,
         source, reader.name(), defines, reader.value('derivation length', names),
         reader.value('angle', names), reader.value('maximum depth', names),
         reader.textures(),
-        Derivation(start, compiler.vocabulary, *sets), compiler.origins)
+        Derivation(start, compiler.vocabulary, *sets), compiler.origins,
+        (text, source, max_modules, folder))
 
 
 def _skipped_names(reader: _SectionReader, compiler: RuleCompiler):

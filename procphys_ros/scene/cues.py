@@ -22,6 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust, MeanWind
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import check, declared
 
@@ -52,7 +53,8 @@ class Blow:
 _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
     'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
     'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
-    'demolish': ('demolition', Demolition), 'cut': ('cut', Cut)}
+    'demolish': ('demolition', Demolition), 'cut': ('cut', Cut),
+    'grow': ('grow', Grow)}
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,8 @@ class Cue:
 
     :ivar time: simulated [s].
     :ivar text: as written in the scene.
-    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition` or `Cut`.
+    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition`, `Cut`
+        or `Grow`.
     """
 
     time: float
@@ -126,6 +129,8 @@ def _values(words: Sequence[str], kind: Any) -> dict[str, Any]:
         if name in values:
             raise SceneError(f'"{_short(word)}": "{name}" stands there twice')
         values[name] = value if isinstance(known[name], str) else _numbers(word, value)
+        if type(known[name]) is int and isinstance(values[name], float):
+            values[name] = int(values[name]) if values[name].is_integer() else values[name]
     return values
 
 

@@ -26,6 +26,7 @@ from procphys_ros.schema import check, declared
 
 _SCENE_KEYS = ('objects', 'cues')
 MAX_COUNT = 100_000  # instances of one object; beyond it no machine would hold the parts
+MAX_STEPS = 10_000  # derivation steps
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
 _DEFINE = re.compile(r'\s*([A-Za-z_]\w*)\s*=\s*([-+0-9.eE]+)\s*\Z')
 
@@ -47,6 +48,7 @@ class ObjectSpec:
     :ivar yaw: turn of the layout about its origin, and so of every instance, too [rad].
     :ivar seed: seed of the first instance; -1 = from the seed of the scene.
     :ivar variants: number of different individuals among the instances; 0 = all differ.
+    :ivar steps: derivation steps of its L-system; -1 = as many as the grammar says.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -72,6 +74,8 @@ class ObjectSpec:
                          -1, 2**62)
     variants: int = declared(0, 'different individuals among the instances; 0 = all differ', '',
                              0, MAX_COUNT)
+    steps: int = declared(-1, 'derivation steps of its L-system, a year each, so that plants can '
+                          'begin young and grow on; -1 = as the grammar says', '', -1, MAX_STEPS)
 
     def __post_init__(self) -> None:
         check(self, self.name)
@@ -86,6 +90,11 @@ class ObjectSpec:
         if not self.count:
             return [self.name]
         return [f'{self.name}_{i}' for i in range(self.count)]
+
+    @property
+    def length(self) -> int | None:
+        """Number of derivation steps; None = as the grammar says."""
+        return None if self.steps < 0 else self.steps
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -32,6 +32,7 @@ from procphys_ros.files.file_bounds import named_by
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import product
 from procphys_ros.lsystem import grow, Growth, LSystem
+from procphys_ros.lsystem.growth import build_drawn
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity
@@ -40,6 +41,7 @@ from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
 from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.plan import read_plan
+from procphys_ros.scene.plants import Plant, Stand
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.soundness import check_blueprint
@@ -55,6 +57,7 @@ _LOG = logging.getLogger(__name__)
 _SMALLEST = 0.5  # of the mean part count so far, as a lower bound for the individuals to come
 _POSITION = Parameter('position', [0.0, 0.0, 0.0], 'where the origin of an object goes', 'm')
 _YAW = Parameter('yaw', 0.0, 'turn of an object about the vertical', 'rad')
+_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -116,6 +119,7 @@ class Scene:
     :ivar settings: gravity, time step, seed, wind and gust.
     :ivar paving: of its streets.
     :ivar shard: its share of a larger scene.
+    :ivar plants: those of L-systems, which can grow on while it runs, by name.
     """
 
     def __init__(self, settings: Settings | None = None):
@@ -127,6 +131,7 @@ class Scene:
         self._carriers: list[np.ndarray] = []  # by object and bond: the bearing part, -1 = none
         self.paving: list[Paving] = []
         self.shard = Shard()
+        self.plants: dict[str, Plant] = {}
         self._instances = 0
         self._chained: Blueprint | None = None
         self._names: set[str] = set()
@@ -258,6 +263,8 @@ class Scene:
             key = f'{spec.name}.grammar'
             grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
                        else parse_grammar(spec.grammar_text, f'{key}_text'))
+            if spec.steps >= 0 and not isinstance(grammar, LSystem):
+                raise SceneError(f'{spec.name}.steps: only L-systems are derived in steps')
             if isinstance(grammar, LSystem) and grammar.asks:
                 stand += self._saplings(spec, number, grammar)
             else:
@@ -273,16 +280,26 @@ class Scene:
         mine = self.shard.members(self._instances, len(names))
         self._instances += len(names)
         built: dict[int, Blueprint] = {}
+        seedlings: dict[int, Growth] = {}
         grown = 0
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
-                built[i] = grammar.build(seed=seed + i, **spec.numbers)
+                if isinstance(grammar, LSystem):
+                    seedlings[i] = grammar.plant(_ORIGIN, seed + i, spec.numbers, spec.length)
+                    tree = seedlings[i].resumed()
+                    grow([tree])
+                    built[i] = build_drawn(tree.draw())
+                else:
+                    built[i] = grammar.build(seed=seed + i, **spec.numbers)
             grown += len(built[i])
             foreseen = _SMALLEST * len(mine) * grown / len(built)
             check_capacity(self._parts + max(grown, int(foreseen)), self._memory)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         for i in mine:
             self._place(built[i % variants], points[i], headings[i], names[i], spec.on)
+            if seedlings and not spec.on:
+                self.plants[names[i]] = Plant(seedlings[i % variants], tuple(points[i].tolist()),
+                                              float(headings[i]), Stand((names[i],)))
 
     def _spots(self, spec: ObjectSpec, number: int) -> tuple[int, np.ndarray, np.ndarray]:
         """Return the seed of an object, and positions (N, 3) and headings (N,) of instances."""
@@ -308,7 +325,7 @@ class Scene:
         self._instances += len(points)
         return [_Sapling(name, point, float(heading), grammar.plant(
                     np.concatenate([point[:2], [point[2] + height], rotation.from_yaw(heading)]),
-                    seed + i, spec.numbers))
+                    seed + i, spec.numbers, spec.length))
                 for i, (name, point, heading, height) in enumerate(
                     zip(spec.instance_names, points, headings, ground))]
 
@@ -322,12 +339,16 @@ class Scene:
                           self.settings.gravity, most_threads(self.settings.threads))
         with stage('growing objects', f'{len(stand)} that ask where they stand'):
             grow([sapling.growth for sapling in stand], habitat)
-            for sapling in stand:
-                built = sapling.growth.build()
-                if built is None:
+            drawn = [(sapling, sapling.growth.drawn()) for sapling in stand]
+            alive = Stand(tuple(sapling.name for sapling, own in drawn if own is not None),
+                          habitat)
+            for sapling, own in drawn:
+                if own is None:
                     _LOG.warning(f'{sapling.name} has died where it stands: nothing of it is left')
-                else:
-                    self._place(built, sapling.position.tolist(), sapling.yaw, sapling.name)
+                    continue
+                self._place(own.blueprint, sapling.position.tolist(), sapling.yaw, sapling.name)
+                self.plants[sapling.name] = Plant(
+                    sapling.growth, tuple(sapling.position.tolist()), sapling.yaw, alive)
         stand.clear()
 
     def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:

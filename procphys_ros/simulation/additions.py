@@ -65,9 +65,12 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     whole, graph = chain([state.blueprint, placed]), BondGraph(placed)
     enlarged = compile_model(
         model.settings, model.shard, whole, [*state.objects, added], model.time_step, model.seed,
-        model.wind, model.loaded, _chained(model, whole, placed, graph, added.first))
+        model.wind, model.loaded, _chained(model, whole, placed, graph, added.first),
+        model.plants)
     settled, lines = _settled(placed, graph, model.gravity, name)
-    grow(enlarged, state, settled)
+    rows = len(state.forest)
+    extend(model, enlarged, state, settled)
+    at_rest.lean(enlarged, state, rows)
     state.objects.append(added)
     state.names.extend([added], placed)
     state.added[name] = placed
@@ -78,10 +81,16 @@ def remove(model: Model, state: State, name: str) -> None:
     """
     Remove an object from the scene, wherever its parts are by now.
 
-    :raises CommandError: if there is no such object, or it has been removed already.
+    :raises CommandError: if there is no such object, it has been removed already, or is what
+        another one has grown in a year.
     """
     found = next((known for known in state.objects if known.name == name), None)
     parts = np.arange(found.first, found.first + found.count) if found else np.zeros(0, np.intp)
+    grown = state.growing.owner_of(parts)
+    if grown not in ('', name):
+        raise CommandError(f'"{name}" has grown on "{grown}"; remove that')
+    if grown:
+        parts = np.union1d(parts, state.growing.finish(grown))
     owner = state.parts.owner[parts]
     if (owner == Owner.GONE).all():
         raise CommandError(f'there is no object "{name}"{state.names.nearest(name)}')
@@ -106,7 +115,8 @@ def with_added(scene: Model, added: Mapping[str, Blueprint]) -> Model:
         first = objects[-1].first + objects[-1].count if objects else 0
         objects.append(SceneObject(name, first, len(placed)))
     return compile_model(scene.settings, scene.shard, chain([scene.blueprint, *added.values()]),
-                         objects, scene.time_step, scene.seed, scene.wind, scene.loaded)
+                         objects, scene.time_step, scene.seed, scene.wind, scene.loaded,
+                         plants=scene.plants)
 
 
 def free_name(state: State, stem: str) -> str:
@@ -115,26 +125,32 @@ def free_name(state: State, stem: str) -> str:
     return next(name for name in (f'{stem}_{i}' for i in count()) if name not in taken)
 
 
-def grow(model: Model, state: State, settled: StressSolver) -> None:
+def extend(before: Model, model: Model, state: State, settled: StressSolver) -> None:
     """
-    Extend a state by the last object of an enlarged model.
+    Extend a state by the last parts of an enlarged model.
 
+    :param before: the model so far.
     :param model: the enlarged one; the state has its first parts so far.
-    :param settled: static stresses of the new object alone, broken where its weight breaks it.
+    :param settled: static stresses of the new parts alone, broken where their weight breaks them.
     """
-    first, bonds, rows = len(state.parts), len(state.blueprint.bonds), len(state.forest)
+    first, bonds = len(state.parts), len(state.blueprint.bonds)
+    rows = model.trees.row[state.forest.parts]
     source = model.blueprint
     fresh = np.arange(first, len(source))
     columns = columns_of(source)
     state.parts.append(**{name: column[fresh] for name, column in columns.items()},
-                       owner=owners(model)[fresh], row=model.trees.row[fresh])
+                       owner=owners(model)[fresh], row=-1)
+    state.parts.row[:] = model.trees.row
     state.blueprints[:] = [source]
     state.wind.shelter = _shelter(model, state)
-    _grow_masonry(model, state, settled, first, bonds)
+    _extend_masonry(model, state, settled, first, bonds)
     forest = deepcopy(model.trees.forest)
-    forest.adopt(state.forest)
+    forest.adopt(state.forest, rows)
     state.forest = forest
-    _grow_columns(model, state)
+    fallen = state.leaves.next - before.leaves.first
+    _extend_columns(model, state)
+    _extend_trees(model, state, rows)
+    _extend_leaves(model, state, rows, fallen)
     stands = fresh[state.parts.owner[fresh] == Owner.STANDING]
     if len(stands):
         state.parts.body[stands] = state.world.add_bricks(
@@ -143,7 +159,6 @@ def grow(model: Model, state: State, settled: StressSolver) -> None:
     for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
         fragments.make_body(model, state, np.array([part]), source.poses[[part]],
                             np.zeros((1, 6)))
-    at_rest.lean(model, state, rows)
 
 
 def _shelter(model: Model, state: State) -> Shelter:
@@ -176,7 +191,7 @@ def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
         blueprint, [SceneObject(name, 0, len(blueprint))], rounds, solver.graph.rows, loose)
 
 
-def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
+def _extend_masonry(model: Model, state: State, settled: StressSolver, first: int,
                   bonds: int) -> None:
     """Join the stress solver of a new object, parts from `first` and bonds from `bonds` on."""
     graph = deepcopy(model.masonry.graph)
@@ -192,32 +207,50 @@ def _grow_masonry(model: Model, state: State, settled: StressSolver, first: int,
     state.loads.resize(graph.count)
 
 
-def _grow_columns(model: Model, state: State) -> None:
-    """Extend all arrays with a row per part, segment, pane or leaf."""
-    parts, rows = len(model.blueprint), len(state.forest)
-    blasts, rubble, leaves, trees = state.blasts, state.rubble, state.leaves, state.trees
+def _extend_columns(model: Model, state: State) -> None:
+    """Extend all arrays with a row per part or pane."""
+    parts = len(model.blueprint)
+    blasts, rubble = state.blasts, state.rubble
     blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
         blasts.pulse, parts, np.inf)
     rubble.load = _padded(rubble.load, parts)
     load = np.zeros(len(model.glass.parts))
     load[:len(state.glass.load)] = state.glass.load
     state.glass.load = load
-    trees.air, trees.faded_air = _padded(trees.air, rows), _padded(trees.faded_air, rows)
-    before = len(trees.start_poses)
-    trees.start_poses = np.concatenate([trees.start_poses, state.forest.poses[before:]])
     holds = state.climbers.holds
     more = np.ones(len(model.trees.climbers.row) - len(holds), bool)
     state.climbers = ClimberState(np.concatenate([holds, more]))
-    queue = model.leaves
+    state.wall_wind.parts = state.wall_wind.parts[:0]  # find the exposed parts again
+    state.skyline.drawn = None
+
+
+def _extend_trees(model: Model, state: State, rows: np.ndarray) -> None:
+    """Move what is known of segments to their new rows, and add that of new ones."""
+    trees, forest, contacts = state.trees, state.forest, state.contacts
+    air, faded, poses, sizes = (np.zeros((len(forest), 3)), np.zeros((len(forest), 3)),
+                                forest.poses.copy(), model.trees.sizes.copy())
+    air[rows], faded[rows] = trees.air, trees.faded_air
+    poses[rows], sizes[rows] = trees.start_poses, trees.sizes
+    trees.air, trees.faded_air, trees.start_poses, trees.sizes = air, faded, poses, sizes
+    for name in ('age', 'quiet', 'down'):
+        setattr(trees, name, {int(rows[row]): time for row, time in getattr(trees, name).items()})
+    if trees.lod is not None:
+        trees.lod.renumber(rows)
+    contacts.row = rows[contacts.row]
+    contacts.other = np.where(contacts.other >= 0, rows[contacts.other], -1)
+    state.tree_bounds = TreeBounds()
+
+
+def _extend_leaves(model: Model, state: State, rows: np.ndarray, fallen: np.ndarray) -> None:
+    """Add leaves; `fallen` is the number of those that each former segment has lost, (S',)."""
+    leaves, queue = state.leaves, model.leaves
     leaves.attached = np.concatenate([
         leaves.attached, np.ones(len(model.blueprint.leaves) - len(leaves.attached), bool)])
     leaves.left = np.concatenate([leaves.left, model.blueprint.leaf_area[len(leaves.left):]])
-    leaves.next = np.concatenate([leaves.next, queue.first[len(leaves.next):]])
+    leaves.next = queue.first.copy()
+    leaves.next[rows] += fallen
     leaves.weakest = queue.queue_speed[leaves.next]
-    leaves.speed = np.zeros(rows)
-    state.tree_bounds = TreeBounds()
-    state.wall_wind.parts = state.wall_wind.parts[:0]  # find the exposed parts again
-    state.skyline.drawn = None
+    leaves.speed = np.zeros(len(state.forest))
 
 
 def _padded(column: np.ndarray, rows: int, value: float = 0.0) -> np.ndarray:

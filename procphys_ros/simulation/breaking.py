@@ -101,7 +101,8 @@ def places(model: Model, state: State, rows: np.ndarray) -> np.ndarray:
         x, y, z, w = state.forest.poses[row, 3:].T
         axis = np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x),
                                 1 - 2 * (x * x + y * y)])
-        out[grown] = state.forest.poses[row, :3] - model.trees.joint_arm[row, None] * axis
+        out[grown] = (state.forest.poses[row, :3]
+                      - state.forest.half_lengths[row, None] * axis)
     return out
 
 
@@ -278,6 +279,14 @@ def fell(state: State, parts: np.ndarray) -> None:
     rows = state.parts.row[parts]
     for root in rows[state.forest.parents[rows] < 0].tolist():
         state.forest.detach(root)
+    _vanish(state, parts)
+
+
+def wither(state: State, parts: np.ndarray) -> None:
+    """Remove segments of standing trees for good, with all that they carry, (K,) indices."""
+    for row in np.sort(state.parts.row[parts]).tolist():
+        if state.forest.active[row]:
+            state.forest.detach(row)
     _vanish(state, parts)
 
 

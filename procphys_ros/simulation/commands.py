@@ -31,6 +31,7 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
 from procphys_ros.simulation import (
@@ -38,6 +39,7 @@ from procphys_ros.simulation import (
     charges,
     cutting,
     fragments,
+    growth,
     intruder,
     masonry,
     projectiles,
@@ -257,10 +259,11 @@ def apply(model: Model, state: State, command: Any) -> Any:
     Execute a command; writes the state that it concerns.
 
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`,
-        `Demolition` or `Cut`.
+        `Demolition`, `Cut` or `Grow`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
         `Projectile`: its part; a `Demolition`: the number of charges; a `Cut`: the number of
-        joints; `ClearWrenches`: the number of wrenches; all others: None.
+        joints; `ClearWrenches`: the number of wrenches; `Grow`: the number of plants; all
+        others: None.
     :raises CommandError: if it cannot be carried out; the state is unchanged then.
     """
     if type(command) not in _ACTIONS:
@@ -382,9 +385,8 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Gust: lambda model, state, c: state.wind.start_gust(c, state.time),
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
-    Cut: cutting.cut, SetBodyState: _set_body_state,
-    PlaceIntruder: _place_intruder, SetThrust: _set_thrust,
-    Observe: _observe,
+    Cut: cutting.cut, SetBodyState: _set_body_state, PlaceIntruder: _place_intruder,
+    SetThrust: _set_thrust, Observe: _observe, Grow: growth.command,
 }
 
 

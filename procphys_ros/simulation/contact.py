@@ -218,7 +218,7 @@ def _find(model: Model, state: State, dt: float) -> Pairs:
         model.trees.beside, model.trees.slack,
         contact_pairs.pair_keys(contact_exclusions.colliders(state, state.excluded)),
         model.terrain, model.trees.crowns)
-    return contact_pairs.find(state.forest, model.trees.sizes, around, state.tree_bounds,
+    return contact_pairs.find(state.forest, state.trees.sizes, around, state.tree_bounds,
                               trees.movers(state), dt)
 
 

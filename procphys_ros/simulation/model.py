@@ -15,10 +15,11 @@
 
 """Model: what a scene compiles to once; constant arrays that every step reads."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
+from types import MappingProxyType
 
 import numpy as np
 
@@ -34,6 +35,7 @@ from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
+from procphys_ros.scene.plants import Plant
 from procphys_ros.scene.shards import Shard
 from procphys_ros.simulation import obstacles
 from procphys_ros.simulation.contact_pairs import survey, survey_crowns
@@ -43,6 +45,7 @@ from procphys_ros.simulation.spawned_parts import SHARD
 _JOINT = 0.01        # [m] mortar between parts whose faces count as one wall
 _COVERED = 0.5       # [m] before an outer face, within which another part shields it
 _THICKEST = 0.025    # [m] thicker glass is not a pane
+_NO_PLANTS: Mapping[str, Plant] = MappingProxyType({})
 _STRENGTH_SEED = 102  # separates random streams that share the scene's seed
 
 
@@ -55,7 +58,6 @@ class TreeModel:
     :ivar row: of each part in the forest, -1 for none, (N,).
     :ivar span: parts of the rows, as a slice where they are consecutive.
     :ivar sizes: of the segments as obstacles [m], (S, 3).
-    :ivar joint_arm: from the centre of each segment to its joint [m], (S,).
     :ivar capacity: force [N], torque [N·m] and stress [Pa] that break each joint, and moment
         [N·m] that uproots it, (S, 4).
     :ivar beside: whether the tree of each row may reach a wall, (S,) bool.
@@ -68,7 +70,6 @@ class TreeModel:
     row: np.ndarray
     span: slice | np.ndarray
     sizes: np.ndarray
-    joint_arm: np.ndarray
     capacity: np.ndarray
     beside: np.ndarray
     slack: np.ndarray
@@ -173,6 +174,7 @@ class Model:
     :ivar wooden: parts with a hinge, (K,).
     :ivar intruders: collision shapes of the externally moved bodies, by name.
     :ivar loaded: number of parts of the scene as it was loaded; others joined later.
+    :ivar plants: that can grow on, by name.
     """
 
     settings: Settings
@@ -191,6 +193,7 @@ class Model:
     wooden: np.ndarray
     intruders: dict[str, Pieces]
     loaded: int
+    plants: Mapping[str, Plant]
 
     @property
     def threads(self) -> int:
@@ -211,7 +214,8 @@ class Model:
 def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   objects: Sequence[SceneObject], time_step: float, seed: int,
                   wind: Wind | None = None, loaded: int | None = None,
-                  graphs: tuple[BondGraph, BondGraph] | None = None) -> Model:
+                  graphs: tuple[BondGraph, BondGraph] | None = None,
+                  plants: Mapping[str, Plant] = _NO_PLANTS) -> Model:
     """
     Compile all constant data of a scene.
 
@@ -224,6 +228,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     :param wind: of the scene so far; None = made from the settings.
     :param loaded: number of parts that did not join later; None = all.
     :param graphs: masonry bonds and all bonds, intact, if known, see `FreeBodies`.
+    :param plants: that can grow on, by name.
     """
     graph, every = graphs or (None, None)
     masonry = _masonry(blueprint, BondGraph(blueprint) if graph is None else graph)
@@ -239,7 +244,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),
                  wind, trees, masonry, _glass(blueprint, loose_bonds),
                  _leaves(blueprint, settings, trees, seed), loose_bonds, mortar,
-                 np.unique(pairs[pairs >= 0]), settings.intruder_pieces(), loaded)
+                 np.unique(pairs[pairs >= 0]), settings.intruder_pieces(), loaded, plants)
 
 
 def _masonry(blueprint: Blueprint, graph: BondGraph) -> MasonryModel:
@@ -261,10 +266,9 @@ def _trees(blueprint: Blueprint, settings: Settings, bricks: Bricks,
                                 hinges.root_moment])[hinge_row[forest.bonds]]
     sizes = blueprint.solid_size(forest.parts)
     beside, slack = survey(forest, sizes, bricks, settings.terrain)
-    joint_arm = 0.5 * blueprint.visual_size[forest.parts, 2]
     crowns = survey_crowns(forest, sizes) if settings.trees.contact else None
-    return TreeModel(forest, row, _span(forest.parts), sizes, joint_arm, capacity, beside, slack,
-                     crowns, obstacles.place_holds(forest, anchors, row))
+    return TreeModel(forest, row, _span(forest.parts), sizes, capacity, beside, slack, crowns,
+                     obstacles.place_holds(forest, anchors, row))
 
 
 def _span(parts: np.ndarray) -> slice | np.ndarray:
@@ -301,7 +305,7 @@ def _leaves(blueprint: Blueprint, settings: Settings, trees: TreeModel, seed: in
     force = strengths(area, usual * leaves.shedding_speed, rng)
     speed = speed_of(force / np.maximum(area, 1e-12))
     row = trees.row[leaves.part]
-    held = np.flatnonzero(row >= 0)
+    held = np.flatnonzero((row >= 0) & (leaves.size > 0.0))
     queued = held[np.lexsort((speed[held], row[held]))]
     count = np.bincount(row[held], minlength=len(trees.forest))
     ends = np.cumsum(count + 1) - 1

@@ -93,7 +93,7 @@ def leaf_poses(model: Model, state: State, flutter: Flutter | None) -> np.ndarra
     """
     leaves = model.leaves
     frames = state.shown_poses()[leaves.carriers]
-    local = model.blueprint.leaves.pose
+    local, moved = model.blueprint.leaves.pose, _petioles(model, state)
     if flutter is not None and len(local):
         exists = np.isfinite(frames).all(axis=1)
         air = np.zeros((len(frames), 3))
@@ -101,9 +101,21 @@ def leaf_poses(model: Model, state: State, flutter: Flutter | None) -> np.ndarra
                                           threads=model.threads)
         air -= state.parts.velocities[leaves.carriers, :3]
         local = flutter.poses(leaves.carrier, frames, air, state.time, model.threads)
+    if moved is not None:
+        local = local.copy()
+        local[:, :3] += moved
     out = carried(leaves.carrier, frames, local, model.threads)
     out[state.leaves.fallen.leaf] = state.leaves.fallen.poses
     return out
+
+
+def _petioles(model: Model, state: State) -> np.ndarray | None:
+    """Return how far leaves sit from where they will on grown segments [m], (L, 3); None = not."""
+    if not len(state.growing.part):
+        return None
+    leaves, length = model.blueprint.leaves, state.parts.visual_size[:, 2]
+    share = length[leaves.part] / model.blueprint.visual_size[leaves.part, 2]
+    return (share - 1.0)[:, None] * leaves.pose[:, :3]
 
 
 def _fly(model: Model, state: State, dt: float) -> None:
@@ -139,15 +151,20 @@ def _tear_off(model: Model, state: State) -> None:
         own.next[rows] += 1
         own.weakest[rows] = leaves.queue_speed[own.next[rows]]
         rows = rows[own.speed[rows] > own.weakest[rows]]
-    if torn:
-        _let_go(model, state, np.concatenate(torn))
+    leaf = np.concatenate([np.zeros(0, np.intp), *torn])
+    leaf = leaf[own.attached[leaf]]  # growth may have put a leaf in the place of a fallen one
+    if len(leaf):
+        _let_go(model, state, leaf)
 
 
 def _let_go(model: Model, state: State, leaf: np.ndarray) -> None:
     own, leaves = state.leaves, model.blueprint.leaves
     part = leaves.part[leaf]
     own.attached[leaf] = False
-    own.fallen.let_go(leaf, rotation.compose(state.parts.poses[part], leaves.pose[leaf]),
+    petiole, moved = leaves.pose[leaf], _petioles(model, state)
+    if moved is not None:
+        petiole[:, :3] += moved[leaf]
+    own.fallen.let_go(leaf, rotation.compose(state.parts.poses[part], petiole),
                       state.parts.velocities[part, :3], leaves.size[leaf])
     np.subtract.at(own.left, part, model.leaves.area[leaf])
     np.subtract.at(state.parts.drag_area, part, FOLIAGE_DRAG * model.leaves.area[leaf])

@@ -223,8 +223,8 @@ def part_columns(model: Model) -> Columns:
     """
     Make the columns of all parts, at rest.
 
-    `shape`, `size` [m] (N, 3), `solid_size` [m] (N, 3), `mass` [kg] and `inertia` [kg·m²] (N, 3)
-    are those of the blueprint. Variable are `drag_area` [m²], which falls with the leaves; `poses`
+    `shape`, `size`, `visual_size` and `solid_size` [m] (N, 3), `mass` [kg] and `inertia` [kg·m²]
+    (N, 3) are those of the blueprint, but for plants that grow. Variable are `drag_area` [m²], which falls with the leaves; `poses`
     (N, 7) and `velocities` (N, 6), world; `owner`; `body`, id of the rigid body that the part is
     or belongs to, -1 for none; `local`, pose in the frame of that body, (N, 7); `moved`, whether
     it moved in the last step. `row` is the part's row of the forest, -1 for none.
@@ -245,7 +245,7 @@ def columns_of(source: Blueprint) -> dict[str, np.ndarray]:
     """Return the columns of parts that are at rest and have no body."""
     count = len(source)
     return {
-        'shape': source.shape, 'size': source.size,
+        'shape': source.shape, 'size': source.size, 'visual_size': source.visual_size,
         'solid_size': source.solid_size(np.arange(count)), 'mass': source.mass,
         'inertia': source.inertia, 'drag_area': drag_area(source), 'poses': source.poses,
         'velocities': np.zeros((count, 6)), 'body': np.full(count, -1, np.intp),

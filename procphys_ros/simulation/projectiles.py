@@ -168,7 +168,7 @@ def _ahead(model: Model, state: State, missile: Missile, pose: np.ndarray,
     forest, end = state.forest, pose[:3] + way
     wall = (model.blueprint.poses, model.masonry.closed_sizes,
             state.standing[:len(model.blueprint)])
-    trees = (forest.poses, model.trees.sizes, forest.active)
+    trees = (forest.poses, state.trees.sizes, forest.active)
     if missile.ball:
         radius = 0.5 * float(missile.size[0])
         return (sweep_boxes(pose[:3], end, radius, *wall),

@@ -26,12 +26,20 @@ from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
-from procphys_ros.simulation import additions, commands, load_checks, readings, snapshot
+from procphys_ros.simulation import (
+    additions,
+    commands,
+    growth,
+    load_checks,
+    readings,
+    snapshot,
+)
 from procphys_ros.simulation.at_rest import at_rest
 from procphys_ros.simulation.commands import checked_count
-from procphys_ros.simulation.model import compile_model
+from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.readings import Readings, Series
 from procphys_ros.simulation.stages import STAGES
 
@@ -72,7 +80,7 @@ class Simulation(Readings):
         self.stages = STAGES
         self.model = compile_model(
             settings, scene.shard, scene.blueprint, scene.objects, settings.time_step,
-            settings.seed)
+            settings.seed, plants=scene.plants)
         self._scene_model = self.model  # without objects added while it runs
         self.state, cracked = at_rest(self.model)
         self.warnings = load_checks.log([*load_checks.check_places(
@@ -198,15 +206,24 @@ class Simulation(Readings):
         :raises CommandError: if it is negative, or not an integer.
         """
         n = checked_count('the number of steps', n)
-        model, state, dt = self.model, self.state, self.model.time_step
+        state, dt = self.state, self.model.time_step
         self.timings = {stage.name: 0.0 for stage in self.stages}
         for _ in range(n):
+            model = self._begin_years()
             for stage in self.stages:
                 start = perf_counter()
                 stage.step(model, state, dt)
                 self.timings[stage.name] += perf_counter() - start
             state.steps += 1
             state.time = state.steps * dt
+
+    def _begin_years(self) -> Model:
+        """Extend the model by what plants grow in the years that begin now, and return it."""
+        start, model = perf_counter(), growth.enlarge(self.model, self.state)
+        if model is not self.model:
+            self.model, self._flutter = model, None
+            self.timings[growth.STAGE] += perf_counter() - start
+        return model
 
     def series(self, steps: int, parts: Sequence[int | str] | None = None,
                every: int = 1) -> Series:
@@ -226,8 +243,8 @@ class Simulation(Readings):
         """
         Execute a command now, before the next step.
 
-        :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion` or
-            `Demolition`.
+        :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion`,
+            `Demolition` or `Grow`.
         :returns: see `commands.apply`.
         :raises CommandError: if it cannot be carried out; nothing is changed then.
         """
@@ -344,6 +361,22 @@ class Simulation(Readings):
         :raises CommandError: if the part is unknown or gone, or there is no joint to cut.
         """
         return self.apply(Cut(str(part), point, normal, reach))
+
+    def grow(self, target: str = '', rate: float = Grow.rate, years: int = Grow.years) -> int:
+        """
+        Let plants grow on, a derivation step of their grammars per year.
+
+        What the next year brings is derived when it begins, with the random numbers and in the
+        habitat that a scene with as many steps would have; so that it also ends in the same plant.
+
+        :param target: object, or those called <target>_0, <target>_1, …; '' = all plants.
+        :param rate: [years/s]; 0 = they stop as they are.
+        :param years: after which they stop, whole ones from the end of the present one on.
+        :returns: number of the plants.
+        :raises CommandError: if a value is out of range, or there is no such plant that can grow:
+            one of an L-system of the scene, that neither climbs nor is climbed on.
+        """
+        return self.apply(Grow(target, rate, years))
 
     def set_body_state(self, part: int | str, pose: Sequence[float] | None = None,
                        twist: Sequence[float] | None = None) -> None:

@@ -185,7 +185,7 @@ def _enlarged(scene: Model, blueprint: Blueprint, objects: list[SceneObject]) ->
         if parts.size and not GROUND <= parts.min() <= parts.max() < len(blueprint):
             raise ValueError('it names parts that there are not')
     return compile_model(scene.settings, scene.shard, blueprint, objects, scene.time_step,
-                         scene.seed, scene.wind, scene.loaded)
+                         scene.seed, scene.wind, scene.loaded, plants=scene.plants)
 
 
 def _identity(array: np.ndarray) -> tuple[str, tuple[int, ...], bytes]:

@@ -27,6 +27,7 @@ from procphys_ros.simulation import (
     commands,
     contact,
     fragments,
+    growth,
     impacts,
     intruder,
     masonry,
@@ -82,6 +83,7 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
 STAGES = (
     Stage('cues', commands.run_cues),
     Stage('commands', commands.apply_wrenches),
+    Stage(growth.STAGE, growth.step),
     Stage('intruder', intruder.advance),
     Stage('charges', charges.step),
     Stage('blasts', blasts.step),

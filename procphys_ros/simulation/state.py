@@ -46,6 +46,7 @@ from procphys_ros.simulation.parts import (
     PartNames,
     RigidBodyMap,
 )
+from procphys_ros.simulation.plants import GrowingState
 from procphys_ros.simulation.tree_lod import LodScheduler, Observer
 
 _FALL_SEED, _DUST_SEED = 103, 104  # separate random streams that share the scene's seed
@@ -57,6 +58,7 @@ class TreeState:
     State of trees besides the forest.
 
     :ivar air: velocity of the air at every row [m/s], (S, 3).
+    :ivar sizes: of the segments as obstacles [m], (S, 3).
     :ivar still: whether there is no wind at all.
     :ivar lod: scheduler of level of detail; None = all trees are stepped in every step.
     :ivar faded_air: air at a row before its tree came back into view [m/s], (S, 3).
@@ -67,6 +69,7 @@ class TreeState:
     """
 
     air: np.ndarray
+    sizes: np.ndarray
     still: bool = True
     lod: LodScheduler | None = None
     faded_air: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
@@ -324,6 +327,7 @@ class State:
     :ivar leaves: on their branches, in the air and on the ground.
     :ivar dust: likewise.
     :ivar climbers: anchors of climbing plants.
+    :ivar growing: plants that grow, and how.
     :ivar tree_bounds: bounds of segments and trees, kept from step to step.
     :ivar steps, time: number of steps done, and simulated time [s].
     :ivar cue: number of the scene's next cue.
@@ -364,6 +368,7 @@ class State:
     leaves: LeafState
     dust: DustState
     climbers: ClimberState
+    growing: GrowingState = field(default_factory=GrowingState)
     tree_bounds: TreeBounds = field(default_factory=TreeBounds)
     steps: int = 0
     time: float = 0.0
@@ -403,7 +408,7 @@ class State:
                         terrain=model.terrain),
             loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
-            trees=TreeState(np.zeros((len(forest), 3)), lod=lod, start_poses=forest.poses.copy(),
+            trees=TreeState(np.zeros((len(forest), 3)), trees.sizes.copy(), lod=lod, start_poses=forest.poses.copy(),
                             faded_air=np.zeros((len(forest), 3))),
             blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
             rubble=RubbleState(np.zeros((count, 6))),

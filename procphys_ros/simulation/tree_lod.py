@@ -148,6 +148,10 @@ class LodScheduler:
         self._free = forest.is_free(roots)
         self.enclose(forest)
 
+    def renumber(self, rows: np.ndarray) -> None:
+        """Follow trees whose segments have new rows, (S,), in the same order."""
+        self._roots, self._plan = rows[self._roots], None
+
     def of_rows(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
         """Return the trees that rows belong to, without inactive rows."""
         rows = rows[forest.active[rows]]

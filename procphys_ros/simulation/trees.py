@@ -257,7 +257,7 @@ def _release(model: Model, state: State, rows: list[int]) -> None:
     """Make one rigid body of each branch, given their first rows in the forest."""
     pieces, velocities = [], [np.zeros((0, 6))]
     for row in rows:
-        contact_exclusions.add_branch(state, row, model.trees.sizes)
+        contact_exclusions.add_branch(state, row, state.trees.sizes)
         own, poses, moving = state.forest.detach(row)
         pieces.append(state.forest.parts[own])
         state.parts.poses[pieces[-1]] = poses  # the shown pose may lie between two steps
@@ -271,7 +271,7 @@ def _stays_flexible(model: Model, state: State, row: int) -> bool:
     rows = forest.subtree(row)
     if not _clings(forest, rows) and (len(forest.free_roots) >= MOST or len(rows) < SMALLEST):
         return False
-    contact_exclusions.add_branch(state, row, model.trees.sizes)
+    contact_exclusions.add_branch(state, row, state.trees.sizes)
     forest.release(row)
     return True
 

@@ -26,6 +26,7 @@ from procphys_ros.physics.trees import (
     anchors,
     breaks,
     contact_response,
+    growing,
     modes,
     parallel,
     passes,
@@ -221,13 +222,71 @@ class Forest:
         """List the rows of some trees of `plan`, tree by tree."""
         return subset.rows_of(self.plan, trees)
 
-    def adopt(self, other: 'Forest') -> None:
-        """Copy the state of another forest whose rows are the first ones here."""
-        columns = ((*f._state, f._model.joint, f._model.body, f.parents, f.active, f._disturbed)
-                   for f in (self, other))
+    def adopt(self, other: 'Forest', rows: np.ndarray | None = None) -> None:
+        """
+        Copy state and constants of another forest whose segments are all here.
+
+        :param rows: of its rows here, (S',); None = the first ones.
+        """
+        rows = np.arange(len(other)) if rows is None else rows
+        columns = ((*f._state, *f._model, f._section, f._capacity, f._foliage, f.active,
+                    f._disturbed) for f in (self, other))
         for mine, theirs in zip(*columns):
-            mine[:len(other)] = theirs
+            mine[rows] = theirs
+        self.parents[rows[(other.parents < 0)]] = -1
         self._time_step, self._stale = other._time_step, True
+
+    @property
+    def constants(self) -> np.ndarray:
+        """Constants of all rows that growth changes, columns named in `growing`, (S, 27)."""
+        model = self._model
+        return np.hstack([model.mount, model.body, model.swing, model.extra,
+                          self._section[:, None]])
+
+    def change(self, rows: np.ndarray, constants: np.ndarray, leaves: np.ndarray) -> None:
+        """
+        Change constants of rooted trees; bends and velocities stay.
+
+        :param rows: active rows, (K,).
+        :param constants: new ones, as in `constants`, (K, 27).
+        :param leaves: share of their leaf area left, 0 to 1, (K,).
+        """
+        for column, block in zip(self._model, growing.BLOCKS):
+            column[rows] = constants[:, block]
+        self._section[rows] = constants[:, growing.SECTION]
+        self._foliage[rows] = self._model.body[rows, LEAF_FLOW]
+        self.keep_leaves(rows, leaves)
+        trees = np.unique(np.searchsorted(self.plan.start, self._entry[rows], side='right') - 1)
+        pose.shift(self._plan, trees, self._model, self._state, np.empty(12))
+
+    def balanced(self, constants: np.ndarray) -> np.ndarray:
+        """
+        Change all constants, reset, and return the full preloads at rest, (S, 4).
+
+        :param constants: new ones, as in `constants`; their preloads are ignored, (S, 27).
+        """
+        constants = constants.copy()
+        constants[:, growing.PRELOADS] = 0.0
+        for column, block in zip(self._model, growing.BLOCKS):
+            column[:] = constants[:, block]
+        for column in self._state:
+            column[:] = 0.0
+        pose.place_all(self._plan, self._model, self._state)
+        passes.balance(self._plan, self._model, self._state, self._scratches[0], self._gravity,
+                       _TIME_STEP)
+        return self.constants[:, growing.PRELOADS]
+
+    def follow(self, rows: np.ndarray) -> None:
+        """Move new segments with those that they grow from, (K,) ascending."""
+        now = self._state
+        for row in rows.tolist():
+            up = self.parents[row]
+            if up >= 0:
+                arm = now.poses[row, :3] - now.poses[up, :3]
+                spin = now.velocities[up, 3:]
+                now.velocities[row, :3] = now.velocities[up, :3] + np.cross(spin, arm)
+                now.velocities[row, 3:] = spin
+                now.carried[row] = now.velocities[row]
 
     def hold(self, trees: np.ndarray) -> None:
         """Stop some trees of `plan` at their present bends, and drop pending impulses."""

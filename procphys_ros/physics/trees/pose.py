@@ -151,6 +151,29 @@ def place_all(plan, model, state):
                 state.middle[i, c] = state.frame[i, c]
 
 
+@kernel(**KERNEL)
+def shift(plan, trees, model, state, ahead):
+    """
+    Place some trees whose constants have changed, at their bends.
+
+    What the frames at the middle of the next step are ahead of the present ones stays.
+
+    :param trees: indices in the plan, without free roots, (K,).
+    :param ahead: workspace, (12,).
+    """
+    for t in trees:
+        rows = plan.row[plan.start[t]:plan.start[t + 1]]
+        above = plan.above[plan.start[t]:plan.start[t + 1]]
+        for k in range(len(rows)):
+            i = rows[k]
+            for c in range(12):
+                ahead[c] = state.middle[i, c] - state.frame[i, c]
+            place(k, rows, above, model, state)
+            for c in range(12):
+                state.middle[i, c] = state.frame[i, c] + ahead[c]
+            normalise_axis(i, state.middle)
+
+
 @subroutine(**INLINE)
 def advance_bend(i, first, second, dt, model, state):
     """
