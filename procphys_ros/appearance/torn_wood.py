@@ -29,6 +29,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 
 TORN, SOIL = 'torn_wood', 'soil'  # names of looks
+_THIN = 1e-4      # [m] width of wood whose end cannot be seen: it has withered
 _APART = 0.05     # [m] largest gap of an intact joint
 _SPIKES = 9       # around a broken end
 _LONGEST = 2.2    # of the splinters, in radii of the wood, beyond its round end
@@ -108,7 +109,7 @@ class WoodJoints:
         gap = norm(here[:, :3] - there[:, :3], axis=1)
         gone = np.append(np.isnan(poses[:, 0]), False)
         whole = (gap < _APART) | (self._stretches & np.isfinite(gap)) | (
-            gone[self._child] & gone[self._parent])
+            gone[self._child] & gone[self._parent]) | (self._width < _THIN)
         return self._bond[~whole]
 
     def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:

@@ -116,7 +116,7 @@ class SceneMarkers:
             blueprint, style.most_triangles)
         self._sent = _Sent(len(blueprint))
         self._sent_leaves = _Sent(self.shows_leaf_poses * len(blueprint.leaves))
-        self._home = blueprint.poses
+        self._home, self._size = blueprint.poses, blueprint.visual_size
         self._parts = PartMarkers(frame_id, style.mesh)
         self._parts.add(blueprint, objects)
         leaves = foliage(blueprint, objects, style.most_triangles)
@@ -141,10 +141,23 @@ class SceneMarkers:
         :param objects: all owners, the old ones first.
         """
         self._sent.grow(len(blueprint))
-        self._home = blueprint.poses
+        self._home, self._size = blueprint.poses, blueprint.visual_size
         self._parts.add(blueprint, objects[self._objects:])
         self._torn.grow(blueprint)
         self._objects = len(objects)
+
+    def resize(self, blueprint: Blueprint) -> None:
+        """
+        Follow the growth of branches; their leaves keep the sizes that they had at first.
+
+        :param blueprint: all parts, as many as so far.
+        """
+        grown = (np.abs(blueprint.visual_size - self._size) > _VISIBLE).any(axis=1)
+        if grown.any():
+            self._size = np.where(grown[:, None], blueprint.visual_size, self._size)
+            self._sent.poses[grown & np.isfinite(self._sent.poses[:, 0])] = 0.0
+            self._parts.resize(blueprint)
+        self._torn.grow(blueprint)
 
     def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
               puffs: PuffRows | None = None) -> bytes:

@@ -119,6 +119,13 @@ class PartMarkers:
             if self._mesh:
                 self._meshes.append(meshes)
 
+    def resize(self, blueprint: Blueprint) -> None:
+        """Set the sizes of branches."""
+        size = _appearance(blueprint)[0]
+        for rows in self._shapes:
+            own = blueprint.shape[rows.parts] == Shape.CAPSULE
+            rows.fields['scale'][own] = size[rows.parts[own]]
+
     def write(self, poses: np.ndarray, at: Stamp, changed: np.ndarray,
               away: np.ndarray) -> tuple[list[memoryview], int]:
         """

@@ -144,6 +144,13 @@ class Batch:
             self._fixed[:, 2] = thickness
             self._buffers[1].write(self._fixed)
 
+    def resize(self, size: np.ndarray) -> None:
+        """Set the sizes of all pieces, see `Copies`, of leaves their lengths, (K, 1 or 3)."""
+        size = size.astype('f4')
+        if not np.array_equal(self._fixed[:, :size.shape[1]], size):
+            self._fixed[:, :size.shape[1]] = size
+            self._buffers[1].write(self._fixed)
+
     def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
         """Set the kind-specific data of some pieces, see `Copies`, (K, n)."""
         self._fixed[rows, -more.shape[1]:] = more

@@ -99,6 +99,7 @@ class SceneBatches:
         self._last = np.full((0, 7), np.nan)
         self._cracks = -1
         self._wood: WoodJoints | None = None
+        self._blueprint: Blueprint | None = None
         self._torn: dict[str, tuple[np.ndarray, np.ndarray]] = {}  # parts, bonds of pieces
         self._opened: dict[int, float] = {}  # bonds that are not fully open
 
@@ -112,6 +113,8 @@ class SceneBatches:
         poses = np.where(moment.shown()[:, None], moment.poses, np.nan)
         petioles = moment.petioles()
         self._append(moment.blueprint, poses, petioles)
+        if moment.blueprint is not self._blueprint:
+            self._resize(moment.blueprint)
         petioles = np.where(np.isfinite(poses[moment.blueprint.leaves.part, :1]), petioles, np.nan)
         for key, rows in self._rows.items():
             if key[0] == 'leaf':
@@ -126,6 +129,15 @@ class SceneBatches:
         self._move_torn(moment.blueprint, poses)
         self._move_joints(poses)
         self._mark_cracks(moment.cracked)
+
+    def _resize(self, blueprint: Blueprint) -> None:
+        """Follow the growth of branches and leaves."""
+        self._blueprint, self._wood = blueprint, WoodJoints(blueprint)
+        for key, rows in self._rows.items():
+            if key[:2] == ('part', Kind.BRANCH):
+                self._batches[key].resize(blueprint.visual_size[rows])
+            elif key[0] == 'leaf':
+                self._batches[key].resize(blueprint.leaves.size[rows, None])
 
     def single_out(self, view: View, height: int) -> None:
         """
@@ -159,8 +171,6 @@ class SceneBatches:
         self._append_parts(blueprint, poses)
         self._append_leaves(blueprint, poses, petioles)
         self._append_triangles(blueprint, poses)
-        if self._wood is None or self._bonds < len(blueprint.bonds):
-            self._wood = WoodJoints(blueprint)
         if self._bonds < len(blueprint.bonds):
             self._append_joints(blueprint, poses)
 

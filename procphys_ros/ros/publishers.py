@@ -92,6 +92,7 @@ class Publishers:
         self._had_dust = False
         self._last = np.empty((0, 7))
         self._added: tuple[str, ...] = ()
+        self._layouts = 0
 
     @property
     def has_late_joiners(self) -> bool:
@@ -185,9 +186,10 @@ class Publishers:
             self._publish_wrenches(simulation, at)
 
     def _follow_content(self, simulation: Simulation) -> None:
-        """Draw again after objects were added, which may have leaves, and describe the content."""
-        if simulation.added != self._added:
-            self._added = simulation.added
+        """Draw again after objects joined or grew, which may have leaves; describe the content."""
+        if (simulation.added, simulation.layouts) != (self._added, self._layouts):
+            self._added, self._layouts = simulation.added, simulation.layouts
+            self._describer = None if simulation.layouts else self._describer
             self.restart()
         if self._described != _content(simulation) and self._description_limiter.is_due():
             self._describe(simulation)
@@ -207,10 +209,12 @@ class Publishers:
         if self._describer is None:
             self._describer = SceneDescription(self._frame, simulation.model.terrain,
                                                simulation.scene.paving, seats)
-        text = self._describer.write(simulation.blueprint, simulation.objects, simulation.removed)
+        text = self._describer.write(simulation.state.blueprint, simulation.objects,
+                                     simulation.removed)
         self._description.publish(String(data=text))
         self._leaves.describe(simulation)
         self._described, self._added = _content(simulation), simulation.added
+        self._layouts = simulation.layouts
 
     def _publish_markers(self, simulation: Simulation, at: messages.Stamp) -> None:
         if self._new_to_markers.are_waiting():
@@ -221,10 +225,12 @@ class Publishers:
         markers = self._scene_markers
         if markers is None:
             markers = self._scene_markers = SceneMarkers(
-                simulation.blueprint, simulation.objects, self._frame, self._style())
+                simulation.state.blueprint, simulation.objects, self._frame, self._style())
             self._wants_whole = True
-        elif len(markers) < len(simulation.blueprint):
+        elif len(markers) < len(simulation.poses):
             markers.grow(simulation.blueprint, simulation.objects)
+        if simulation.layouts:
+            markers.resize(simulation.blueprint)
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
         # The next steps write the poses.
         poses, dust = simulation.state.shown_poses().copy(), simulation.dust

@@ -182,6 +182,7 @@ def enlarge(model: Model, state: State) -> Model:
         state.objects.append(placed)
         state.names.extend([placed], year.fresh())
     _begin(enlarged, state, years, bonds)
+    own.layouts += 1
     return enlarged
 
 

@@ -227,6 +227,7 @@ def _write_withered(year: Year, columns: dict[str, np.ndarray], bonds: np.ndarra
     for name in ('mass', 'inertia'):
         columns[name][parts] *= growing.LIGHT
     columns['leaf_area'][parts] = 0.0
+    columns['bond_extent'][bonds[parts]] *= growing.THIN
     middle = np.zeros((len(parts), 7))
     middle[:, 2], middle[:, 6] = 0.5 * columns['visual_size'][parts, 2], 1.0
     columns['poses'][parts] = rotation.compose(columns['bond_frame'][bonds[parts]], middle)

@@ -80,6 +80,7 @@ class GrowingState:
     Plants that grow, and their growth in the present year.
 
     :ivar plants: by name, also those that have stopped.
+    :ivar layouts: number of times that segments have been added.
     :ivar part: parts that change in this year, (K,).
     :ivar plant: number of the plant of each, (K,).
     :ivar start, end: constants of their segments and columns of parts then, (K, 41).
@@ -90,6 +91,7 @@ class GrowingState:
     """
 
     plants: dict[str, PlantState] = field(default_factory=dict)
+    layouts: int = 0
     part: np.ndarray = _numbers()
     plant: np.ndarray = _numbers()
     start: np.ndarray = _table(WIDTH)

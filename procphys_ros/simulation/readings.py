@@ -245,8 +245,17 @@ class Readings:
 
     @property
     def blueprint(self) -> Blueprint:
-        """All parts and bonds, in the order of every array; parts that join are appended."""
-        return self.state.blueprint
+        """
+        All parts and bonds, in the order of every array; parts that join are appended.
+
+        Plants that grow are as they are now; the strengths of bonds are those of the year's end.
+        """
+        return self.state.shown_blueprint()
+
+    @property
+    def layouts(self) -> int:
+        """Return how often plants that grow have got new parts; sizes change in between, too."""
+        return self.state.growing.layouts
 
     @property
     def objects(self) -> list[SceneObject]:

@@ -17,11 +17,12 @@
 
 from collections.abc import Sequence
 from copy import copy, deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import DustCloud
 from procphys_ros.physics.foliage import FallingLeaves
 from procphys_ros.physics.loads import WallPressure
@@ -442,6 +443,27 @@ class State:
         if len(self.blueprints) > 1:
             self.blueprints = [chain(self.blueprints)]
         return self.blueprints[0]
+
+    def shown_blueprint(self) -> Blueprint:
+        """Return all parts and bonds, with plants as they are now, at rest."""
+        source, own, parts, forest = self.blueprint, self.growing, self.parts, self.forest
+        if not len(own.part):
+            return source
+        rows = parts.row[own.part]
+        bonds, frames = forest.bonds[rows], source.bond_frame.copy()
+        frames[bonds] = forest.rest_frames()[rows]
+        middle = np.tile([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (len(rows), 1))
+        middle[:, 2] = forest.half_lengths[rows]
+        poses = source.poses.copy()
+        poses[own.part] = rotation.compose(frames[bonds], middle)
+        leaves, size = source.leaves, source.leaves.size.copy()
+        size[own.leaf] = own.leaf_sizes()
+        pose, length = leaves.pose.copy(), parts.visual_size[leaves.part, 2]
+        pose[:, :3] *= (length / source.visual_size[leaves.part, 2])[:, None]
+        return replace(
+            source, poses=poses, bond_frame=frames, size=parts.size.copy(), visual_size=parts.visual_size.copy(),
+            mass=parts.mass.copy(), inertia=parts.inertia.copy(),
+            leaves=replace(leaves, pose=pose, size=size))
 
     def shown_poses(self) -> np.ndarray:
         """Return the poses of all parts, until the next step, (N, 7); NaN = the part is gone."""

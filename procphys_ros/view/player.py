@@ -222,18 +222,20 @@ class Player:
         return ''
 
     def _describe(self, before: PageContent | None = None) -> PageContent:
-        blueprint = self.simulation.blueprint
+        blueprint = self.simulation.state.blueprint  # plants as they are at the end of the year
         bonds, self._bonds = self._bonds, len(blueprint.bonds)
-        return PageContent.of(blueprint, self.simulation.names.name, self._scene,
+        made = PageContent.of(blueprint, self.simulation.names.name, self._scene,
                               self.simulation.model.terrain, self.simulation.scene.paving,
                               before if self._bonds == bonds else None)
+        self._layouts = self.simulation.layouts
+        return replace(made, wood=None) if self._layouts else made
 
     def _follow(self) -> None:
         """Describe the scene again after parts have joined, or were removed by a reset."""
-        count, before = len(self.simulation.blueprint), self._content
-        if count < len(before):
+        count, before = len(self.simulation.state.parts), self._content
+        if count < len(before) or self.simulation.layouts != self._layouts:
             self._scene += 1
-        if count != len(before):
+        if count != len(before) or self._scene != before.scene:
             self._content = self._describe(before if self._scene == before.scene else None)
 
     def _take_frame(self) -> Frame:

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
@@ -276,17 +277,29 @@ class Forest:
                        _TIME_STEP)
         return self.constants[:, growing.PRELOADS]
 
+    def rest_frames(self) -> np.ndarray:
+        """Compute the frames of all joints of whole trees at rest [m], world, (S, 7)."""
+        frames, up = self._model.mount.copy(), self._rooted
+        depth = np.zeros(len(up), np.intp)
+        while (up >= 0).any():
+            depth += up >= 0
+            up = np.where(up >= 0, self._rooted[up], -1)
+        for level in range(1, int(depth.max(initial=0)) + 1):
+            rows = np.flatnonzero(depth == level)
+            frames[rows] = rotation.compose(frames[self._rooted[rows]], frames[rows])
+        return frames
+
     def follow(self, rows: np.ndarray) -> None:
-        """Move new segments with those that they grow from, (K,) ascending."""
-        now = self._state
-        for row in rows.tolist():
-            up = self.parents[row]
-            if up >= 0:
-                arm = now.poses[row, :3] - now.poses[up, :3]
-                spin = now.velocities[up, 3:]
-                now.velocities[row, :3] = now.velocities[up, :3] + np.cross(spin, arm)
-                now.velocities[row, 3:] = spin
-                now.carried[row] = now.velocities[row]
+        """Move new segments with those that they grow from, (K,)."""
+        now, left = self._state, rows[self.parents[rows] >= 0]
+        while len(left):  # parents first
+            waits = np.isin(self.parents[left], left)
+            ready, left = left[~waits], left[waits]
+            up = self.parents[ready]
+            arm, spin = now.poses[ready, :3] - now.poses[up, :3], now.velocities[up, 3:]
+            now.velocities[ready, :3] = now.velocities[up, :3] + np.cross(spin, arm)
+            now.velocities[ready, 3:] = spin
+            now.carried[ready] = now.velocities[ready]
 
     def hold(self, trees: np.ndarray) -> None:
         """Stop some trees of `plan` at their present bends, and drop pending impulses."""
