@@ -144,12 +144,23 @@ class Batch:
             self._fixed[:, 2] = thickness
             self._buffers[1].write(self._fixed)
 
-    def resize(self, size: np.ndarray) -> None:
-        """Set the sizes of all pieces, see `Copies`, of leaves their lengths, (K, 1 or 3)."""
+    def resize(self, size: np.ndarray) -> bool:
+        """
+        Set the sizes of all pieces, see `Copies`, of leaves their lengths, (K, 1 or 3).
+
+        :returns: whether any has changed.
+        """
         size = size.astype('f4')
-        if not np.array_equal(self._fixed[:, :size.shape[1]], size):
-            self._fixed[:, :size.shape[1]] = size
-            self._buffers[1].write(self._fixed)
+        if np.array_equal(self._fixed[:, :size.shape[1]], size):
+            return False
+        self._fixed[:, :size.shape[1]] = size
+        self._buffers[1].write(self._fixed)
+        return True
+
+    def light(self, share: np.ndarray) -> None:
+        """Set the shares of light of all pieces, see `Copies`, (K, 2)."""
+        self._fixed[:, 6:8] = share
+        self._buffers[1].write(self._fixed)
 
     def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
         """Set the kind-specific data of some pieces, see `Copies`, (K, n)."""

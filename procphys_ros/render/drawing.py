@@ -89,6 +89,7 @@ class SceneBatches:
 
     def __init__(self, context: Any, first: Moment, towards: np.ndarray = light.SUN):
         self._context, self._programs = context, Programs(context)
+        self._towards = towards
         self._batches: dict[tuple, Batch] = {}
         self._rows: dict[tuple, np.ndarray] = {}  # part, leaf or triangle of each piece
         self._parts = self._leaves = self._triangles = self._bonds = 0  # drawn so far
@@ -114,7 +115,7 @@ class SceneBatches:
         petioles = moment.petioles()
         self._append(moment.blueprint, poses, petioles)
         if moment.blueprint is not self._blueprint:
-            self._resize(moment.blueprint)
+            self._resize(moment, poses, petioles)
         petioles = np.where(np.isfinite(poses[moment.blueprint.leaves.part, :1]), petioles, np.nan)
         for key, rows in self._rows.items():
             if key[0] == 'leaf':
@@ -130,14 +131,28 @@ class SceneBatches:
         self._move_joints(poses)
         self._mark_cracks(moment.cracked)
 
-    def _resize(self, blueprint: Blueprint) -> None:
-        """Follow the growth of branches and leaves."""
+    def _resize(self, moment: Moment, poses: np.ndarray, petioles: np.ndarray) -> None:
+        """Follow the growth of branches and leaves, and of the shade that these cast."""
+        blueprint, grows = moment.blueprint, False
         self._blueprint, self._wood = blueprint, WoodJoints(blueprint)
         for key, rows in self._rows.items():
             if key[:2] == ('part', Kind.BRANCH):
-                self._batches[key].resize(blueprint.visual_size[rows])
+                grows |= self._batches[key].resize(blueprint.visual_size[rows])
             elif key[0] == 'leaf':
-                self._batches[key].resize(blueprint.leaves.size[rows, None])
+                grows |= self._batches[key].resize(blueprint.leaves.size[rows, None])
+        if not grows:
+            return
+        self._sun, *self._sky = _shades(moment, np.vstack([self._towards, light.SKY]))
+        for key, rows in self._rows.items():
+            if key[:2] == ('part', Kind.BRANCH):
+                share = self._light_along(poses[rows], blueprint.visual_size[rows, 2])
+            elif key[0] == 'part':
+                share = self._light(poses[rows, :3])
+            elif key[0] == 'leaf':
+                share = self._light(_leaf_middles(petioles[rows], blueprint.leaves.size[rows]))
+            else:
+                continue
+            self._batches[key].light(share)
 
     def single_out(self, view: View, height: int) -> None:
         """

@@ -138,8 +138,9 @@ def extend(before: Model, model: Model, state: State, settled: StressSolver) -> 
     source = model.blueprint
     fresh = np.arange(first, len(source))
     columns = columns_of(source)
-    state.parts.append(**{name: column[fresh] for name, column in columns.items()},
-                       owner=owners(model)[fresh], row=-1)
+    if len(fresh):
+        state.parts.append(**{name: column[fresh] for name, column in columns.items()},
+                           owner=owners(model)[fresh], row=-1)
     state.parts.row[:] = model.trees.row
     state.blueprints[:] = [source]
     state.wind.shelter = _shelter(model, state)
