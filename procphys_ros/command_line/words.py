@@ -154,6 +154,15 @@ def _add_loads(group) -> None:
     saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
                      help='of the blade from that point [m]')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
+    grow = group.add_parser('grow', help='let plants grow on, or stop them', epilog=(
+        'What is not given is as in the last call.\n'
+        'example: command grow oak --rate 0.5 --years 10'))
+    grow.add_argument('target', nargs='?', default='', metavar='PLANT',
+                      help='an object, or all called PLANT_0, PLANT_1, …; all plants if not given')
+    grow.add_argument('--rate', type=number, metavar='YEARS/S',
+                      help='years, steps of the grammar, in a second; 0 = they stop as they are')
+    grow.add_argument('--years', type=whole, metavar='N',
+                      help='after which they stop, counted from the end of the present one')
 
 
 def _add_time(group) -> None:

@@ -107,7 +107,7 @@ class SimNode(Node):
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
-        ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/cut,
+        ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/cut, ~/grow,
         ~/clear_wrenches, ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload,
         ~/save_state, ~/inspect, ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is installed: see `simulation_interfaces.py`

@@ -26,6 +26,7 @@ from procphys_ros.ros.file_access import state_path
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.intruder import Downwash
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 
@@ -94,6 +95,11 @@ class Requests:
         part_name(self._parameters['cut.target'], 'the parameter cut.target')
         cut = self._group('cut', Cut)
         return lambda: self._session.cut(cut)
+
+    def grow(self) -> Act:
+        """Let the plants of the `grow.*` parameters grow on."""
+        wish = self._group('grow', Grow)
+        return lambda: self._session.grow(wish)
 
     def clear_wrenches(self) -> Act:
         """Remove all lasting forces."""

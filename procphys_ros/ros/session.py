@@ -26,6 +26,7 @@ from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.intruder import Downwash
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.simulation import readings, Simulation
@@ -151,6 +152,12 @@ class Session:
     def cut(self, cut: Cut) -> str:
         """Saw through joints."""
         return f'{self.simulation.apply(cut)} joints of {cut.target} cut'
+
+    def grow(self, wish: Grow) -> str:
+        """Let plants grow on, or stop them."""
+        count = self.simulation.grow(wish.target, wish.rate, wish.years)
+        return (f'{count} plants grow on for {wish.years} years, {wish.rate:g} a second'
+                if wish.rate else f'{count} plants stop')
 
     def look_from(self, position: Sequence[float], orientation: Sequence[float]) -> str:
         """Move the observer to a position [m], (3,), with a quaternion xyzw."""

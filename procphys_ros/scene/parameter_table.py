@@ -30,6 +30,7 @@ from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
+from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn
@@ -44,9 +45,9 @@ _SCENE = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
               takes_effect='reload'),
     Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
-              'verbs gust, wind, impulse, launch, explode, demolish; names as in gust.*, '
-              'impulse.*, projectile.*, explosion.*, demolition.*, which hold for all that is '
-              'not said',
+              'verbs gust, wind, impulse, launch, explode, demolish, grow; names as in gust.*, '
+              'impulse.*, projectile.*, explosion.*, demolition.*, grow.*, which hold for all '
+              'that is not said',
               takes_effect='reload'),
 )
 NODE = (
@@ -93,6 +94,7 @@ GLOBAL = (
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
     *parameters(Cut, 'cut', takes_effect='use'),
+    *parameters(Grow, 'grow', takes_effect='use'),
     *parameters(Spawn, 'spawn', takes_effect='use'),
     Parameter('inspect.part', '', 'name or index of the part that ~/inspect describes',
               takes_effect='use'),

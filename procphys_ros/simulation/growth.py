@@ -163,10 +163,7 @@ def enlarge(model: Model, state: State) -> Model:
     for name in due:
         _end_year(state, own.plants[name])
     own.forget([number for number, name in enumerate(own.plants) if name in due])
-    years, count = [], len(state.parts)
-    for name, growth in _derived(model, state, due).items():
-        years.append(match(model, state, name, growth, count))
-        count += len(years[-1].born)
+    years = _matched(model, state, _derived(model, state, due))
     if not years:
         return model
     whole, bonds = lay_out(state, years)
@@ -193,6 +190,25 @@ def _free(state: State, name: str) -> str:
     return name
 
 
+def _matched(model: Model, state: State, growths: dict[str, Growth]) -> list[Year]:
+    """Find what becomes of plants; one that cannot be drawn or placed stops, with a warning."""
+    years, count = [], len(state.parts)
+    for name, growth in growths.items():
+        try:
+            years.append(match(model, state, name, growth, count))
+        except ProcPhysError as error:
+            _stop(state, [name], error)
+        else:
+            count += len(years[-1].born)
+    return years
+
+
+def _stop(state: State, names: list[str], error: ProcPhysError) -> None:
+    _LOG.warning(f'{", ".join(names)}: no further growth: {error}')
+    for name in names:
+        state.growing.plants[name].rate = 0.0
+
+
 def _derived(model: Model, state: State, due: list[str]) -> dict[str, Growth]:
     """Derive the next strings; a plant whose string cannot be derived stops, with a warning."""
     plants, own = model.plants, state.growing
@@ -206,9 +222,7 @@ def _derived(model: Model, state: State, due: list[str]) -> dict[str, Growth]:
             out |= advance(plants, left, {name: plant.string
                                           for name, plant in own.plants.items()}, set(mine))
         except ProcPhysError as error:
-            _LOG.warning(f'{", ".join(mine)} grow no further: {error}')
-            for name in mine:
-                own.plants[name].rate = 0.0
+            _stop(state, mine, error)
     return {name: out[name] for name in due if name in out}
 
 

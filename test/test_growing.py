@@ -1,0 +1,369 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+
+"""Plants that grow on in a running simulation: continuity, statics, years, damage, commands."""
+
+from functools import cache
+import pickle
+
+import numpy as np
+import pytest
+
+from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.trees import growing
+from procphys_ros.scene import Scene
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.parts import Owner
+
+RATE = 3.0  # [years/s]
+YEAR = 20   # [steps]
+STILL = (0.0, 0.0, 0.0)
+# A stem that lengthens, thickens, forks, sheds, and puts an internode in the middle of another.
+CHANGING = """
+axiom: Density(800) Modulus(8e9) Strength(1e9) DampingRatio(0.05) S(0.05, 1) I A(0)
+module: Leafy
+production:
+  S(w, l) -> S(w * 1.3, l * 1.1)
+  A(n) : n == 0 -> S(0.03, 0.6) [+(40) S(0.02, 0.5) A(1)] [-(50) S(0.02, 0.4) B(0)] A(1)
+  A(n) -> S(0.02, 0.3) A(n + 1)
+  B(n) : n < 1 -> S(0.01, 0.2) B(n + 1)
+  B(n) -> %
+  I -> J K
+  K -> J
+interpretation:
+  S(w, l) -> !(w) F(l)
+  I -> !(0.05) F(1)
+  J -> !(0.05) F(0.7)
+  K -> !(0.05) F(0.3)
+  A(n) -> [Leaf(0.2)] [+(90) Leaf(0.2)]
+"""
+
+
+def planted(steps: int, wind: tuple[float, float, float] = STILL, grammar: str = '',
+            **more: object) -> Simulation:
+    """Return a scene with one plant of a grammar, or of `garden_tree.lsys`."""
+    plant = {'grammar_text': grammar} if grammar else {'grammar': 'garden_tree.lsys'}
+    return Simulation(Scene.from_parameters({
+        'engine': 'native', 'wind': {'velocity': list(wind)}, 'scene': {'objects': ['tree']},
+        'tree': {**plant, 'steps': steps, **more}}))
+
+
+@cache
+def grown(grammar: str = '', steps: int = 5, years: int = 3) -> Simulation:
+    """Return a plant in still air that has grown for some years; not to be changed."""
+    simulation = planted(steps, grammar=grammar)
+    simulation.grow(rate=RATE, years=years)
+    simulation.step(years * YEAR + 1)
+    return simulation
+
+
+def alike(one: Simulation, other: Simulation) -> tuple[np.ndarray, np.ndarray]:
+    """Return the constants of the segments of both, in the order of their places at rest."""
+    found = []
+    for simulation in (one, other):
+        forest, rest = simulation.state.forest, simulation.blueprint
+        rows = np.flatnonzero(forest.active)
+        places = np.column_stack([rest.poses[forest.parts[rows]],
+                                  rest.visual_size[forest.parts[rows]]]).round(6)
+        found.append(forest.constants[rows[np.lexsort(places.T)]])
+    return found[0], found[1]
+
+
+@pytest.mark.parametrize(('grammar', 'steps', 'years'), [('', 5, 3), (CHANGING, 1, 4)])
+def test_a_grown_plant_is_the_one_that_was_derived_as_far(grammar, steps, years):
+    """End in the same segments, masses, stiffnesses, preloads, leaves and widths."""
+    slow, direct = grown(grammar, steps, years), planted(steps + years, grammar=grammar)
+    mine, theirs = alike(slow, direct)
+    assert len(mine) == len(theirs) > 5
+    finite = np.isfinite(theirs)
+    assert np.array_equal(finite, np.isfinite(mine))
+    scale = np.abs(np.where(finite, theirs, 0.0)).max(axis=0)
+    away = np.abs(mine[finite] - theirs[finite]) / np.maximum(
+        np.broadcast_to(scale, mine.shape)[finite], 1e-12)
+    assert away.max() < 1e-5
+    there = slow.exists
+    assert slow.state.parts.mass[there].sum() == pytest.approx(direct.blueprint.mass.sum(),
+                                                               rel=1e-9)
+    assert np.nanmax(slow.poses[:, 2]) == pytest.approx(direct.poses[:, 2].max(), abs=1e-6)
+    sizes = slow.blueprint.leaves.size[there[slow.blueprint.leaves.part]]
+    assert np.sort(sizes[sizes > 0.0]) == pytest.approx(np.sort(direct.blueprint.leaves.size))
+
+
+@pytest.mark.parametrize(('grammar', 'steps'), [('', 5), (CHANGING, 1)])
+def test_nothing_jumps_and_what_rests_goes_on_resting(grammar, steps):
+    """Move by no more than what grows in a step, and set nothing swaying in still air."""
+    simulation = planted(steps, grammar=grammar)
+    simulation.grow(rate=RATE, years=3)
+    ends = []
+    for _ in range(3 * YEAR + 5):
+        before = simulation.poses
+        simulation.step()
+        now = simulation.poses[:len(before)]
+        there = np.isfinite(before[:, 0]) & np.isfinite(now[:, 0])
+        ends.append(np.abs(now - before)[there, :3].max())
+        forest = simulation.state.forest
+        assert np.abs(forest.velocities[forest.active]).max() < 1e-4
+    reach = simulation.blueprint.visual_size[:, 2].max() * (steps + 3)
+    assert 1e-3 < max(ends) < RATE * simulation.time_step * reach
+    assert max(ends[-4:]) < 1e-6 and simulation.bonds_broken == 0
+
+
+def test_new_segments_begin_as_nothing_at_the_ends_of_old_ones():
+    """Have new wood of a thousandth of its length where it grows, and masses that sum up."""
+    simulation = planted(5)
+    simulation.step()
+    first, mass = len(simulation.poses), simulation.state.parts.mass.sum()
+    simulation.grow(rate=RATE, years=1)
+    simulation.step()
+    parts = simulation.state.parts
+    new = np.arange(first, len(parts))
+    assert len(new) > 20 and (parts.owner[new] == Owner.TREE).all()
+    shares = parts.visual_size[new, 2] / simulation.model.blueprint.visual_size[new, 2]
+    assert shares == pytest.approx(1.0 / YEAR, abs=growing.THIN)
+    whole = simulation.model.blueprint.mass.sum()
+    assert parts.mass.sum() == pytest.approx(mass + (whole - mass) / YEAR, rel=1e-4)
+    assert np.array_equal(simulation.blueprint.visual_size, parts.visual_size)
+    assert simulation.names.name(first) == 'tree_year_6/segment_0'
+
+
+def test_it_sways_while_it_grows_and_gains_no_energy():
+    """Bend in a steady wind as a plant does that was loaded with as many years, and rest."""
+    wind = (6.0, 0.0, 0.0)
+    simulation, direct = planted(5, wind), planted(8, wind)
+    simulation.grow(rate=RATE, years=3)
+    kinetic = []
+    for _ in range(3 * YEAR):
+        simulation.step()
+        forest = simulation.state.forest
+        kinetic.append(forest.kinetic(np.array([0]))[0])
+    assert 0.0 < max(kinetic) < 0.5 * 1.0 ** 2  # [J/kg]; the air could give 18
+    simulation.step(300)
+    direct.step(300)
+    lean = [np.nanmax(s.poses[:, 0]) for s in (simulation, direct)]
+    assert lean[0] == pytest.approx(lean[1], rel=0.05)
+    assert lean[0] > np.nanmax(grown().poses[:, 0]) + 0.01
+
+
+def test_a_grown_tree_swings_and_breaks_as_one_that_was_loaded():
+    """Swing to and fro at the same pace after the same blow, and break by the same one."""
+    def struck(blow: float) -> list[tuple[np.ndarray, int]]:
+        found = []
+        for simulation in (grown().fork(), planted(8)):
+            rest, there = simulation.blueprint, simulation.exists
+            high = there & (rest.poses[:, 2] > 1.0)
+            part = int(np.argmax(np.where(high, rest.mass, 0.0)))
+            top = int(np.argmax(np.where(there, rest.poses[:, 2], -1.0)))
+            simulation.apply_impulse(part, (blow, 0.0, 0.0))
+            path = []
+            for _ in range(240):
+                simulation.step()
+                path.append(simulation.poses[top, 0] - rest.poses[top, 0])
+            found.append((np.array(path), simulation.bonds_broken))
+        return found
+    (mine, none), (theirs, _) = struck(12.0)
+    assert none == 0 and np.abs(theirs).max() > 0.02
+    assert np.abs(mine - theirs).max() < 1e-3 * np.abs(theirs).max()
+    (_, mine), (_, theirs) = struck(3e3)
+    assert mine == theirs > 0
+
+
+def test_saved_in_the_middle_of_a_year_it_goes_on_to_the_bit():
+    """Restore, fork and pickle growing plants; reset brings back the young one."""
+    simulation = planted(5, (5.0, 1.0, 0.0))
+    simulation.grow(rate=RATE, years=3)
+    simulation.step(YEAR + 7)
+    data, other = simulation.save(), planted(5, (5.0, 1.0, 0.0))
+    other.restore(data)
+    fork, copy = simulation.fork(), pickle.loads(pickle.dumps(simulation))
+    for one in (simulation, other, fork, copy):
+        one.step(YEAR + 20)
+    for one in (other, fork, copy):
+        assert np.array_equal(one.poses, simulation.poses, equal_nan=True)
+        assert np.array_equal(one.leaf_poses(), simulation.leaf_poses(), equal_nan=True)
+    young = planted(5, (5.0, 1.0, 0.0))
+    simulation.reset()
+    assert np.array_equal(simulation.poses, young.poses)
+    simulation.grow(rate=RATE, years=3)
+    young.grow(rate=RATE, years=3)
+    for one in (simulation, young):
+        one.step(YEAR + 3)
+    assert np.array_equal(simulation.poses, young.poses, equal_nan=True)
+
+
+def test_what_has_broken_off_grows_no_more_and_nothing_grows_on_it():
+    """Leave out what would have grown on a lost branch, and let the rest grow on."""
+    whole, broken = planted(5), planted(5)
+    broken.step()
+    forest = broken.state.forest
+    sizes = forest.ends - np.arange(len(forest))
+    sizes[forest.parents < 0] = 0
+    row = int(np.argmax(np.where(sizes < 0.6 * len(forest), sizes, 0)))
+    lost = forest.parts[forest.subtree(row)]
+    broken.model.trees.capacity[row] = 1.0  # read-only by convention: the load at which it breaks
+    forest._capacity[row] = 1e-9
+    broken.step(2)
+    assert broken.bonds_broken >= 1
+    for one in (whole, broken):
+        one.grow(rate=RATE, years=2)
+        one.step(2 * YEAR + 2)
+    parts = broken.state.parts
+    plant = broken.state.growing.plants['tree']
+    assert not np.isin(lost, plant.all_parts()).any()
+    assert len(plant.all_parts()) < len(whole.state.growing.plants['tree'].all_parts())
+    young = planted(5).blueprint.visual_size
+    assert np.array_equal(parts.visual_size[lost], young[lost])
+    alive = np.setdiff1d(plant.all_parts(), lost)
+    same = alive[alive < len(young)]
+    ends = [one.state.parts.visual_size[same, 2] for one in (whole, broken)]
+    assert np.array_equal(*ends) and np.isfinite(broken.poses[same]).all()
+
+
+def test_shed_wood_withers_and_a_plant_may_die():
+    """Remove what the grammar cuts without a jump, and end with a plant of which nothing is left."""
+    text = """
+axiom: Density(800) Modulus(8e9) DampingRatio(0.05) !(0.05) T(0) F(1) [+(50) L(0)] F(1)
+production:
+  T(n) : n == 2 -> %
+  T(n) -> T(n + 1)
+  L(n) : n == 1 -> *
+  L(n) -> L(n + 1)
+interpretation:
+  L(n) -> !(0.02) F(0.5)
+"""
+    simulation = planted(0, grammar=text)
+    twig = int(np.argmin(simulation.blueprint.visual_size[:, 2]))
+    simulation.grow(rate=RATE, years=4)
+    lengths = []
+    for _ in range(3 * YEAR - 1):
+        simulation.step()
+        lengths.append(simulation.state.parts.visual_size[twig, 2])
+    assert np.array(lengths[:YEAR]) == pytest.approx(0.5)
+    assert (np.diff(lengths[YEAR - 1:2 * YEAR]) < 0.0).all()
+    assert not simulation.exists[twig] and simulation.exists.any()
+    assert simulation.bonds_broken == 0
+    simulation.step(YEAR)
+    assert not simulation.exists.any()
+    simulation.step(2 * YEAR)
+
+
+def test_plants_grow_among_what_they_would_have_grown_among():
+    """Grow beside a wall and each other as plants do whose scene is built with more years."""
+    def scene(steps: int) -> Simulation:
+        return Simulation(Scene.from_parameters({
+            'engine': 'native', 'wind': {'velocity': [0.0, 0.0, 0.0]},
+            'scene': {'objects': ['wall', 'tree']},
+            'wall': {'grammar_text': """
+building wall
+  footprint: (0, 0) (4, 0)
+  facades: brickwork
+  storey_height: 2
+layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
+panel brickwork: running
+material brick { tension: 2e5  cohesion: 3e5 }
+"""},
+            'tree': {'grammar': 'garden_tree.lsys', 'steps': steps, 'count': 2, 'layout': 'row',
+                     'spacing': 0.8, 'origin': [2.0, 0.5, 0.0]}}))
+    simulation, direct = scene(4), scene(7)
+    bricks = simulation.scene.objects[0].count
+    assert simulation.grow('tree', rate=RATE, years=3) == 2
+    simulation.step(3 * YEAR + 1)
+    assert simulation.bonds_broken == 0 and simulation.state.standing[:bricks].all()
+    mine, theirs = alike(simulation, direct)
+    assert mine[:, growing.SPAN] == pytest.approx(theirs[:, growing.SPAN])
+
+
+def test_growth_stops_and_goes_on():
+    """Stop as it is with a rate of 0, go on from there, and end after whole years."""
+    simulation = planted(5)
+    simulation.grow(rate=RATE, years=5)
+    simulation.step(YEAR // 2)
+    simulation.grow(rate=0.0)
+    held = simulation.blueprint.visual_size
+    simulation.step(YEAR)
+    assert np.array_equal(simulation.blueprint.visual_size, held)
+    simulation.grow(rate=RATE, years=2)
+    simulation.step(4 * YEAR)
+    assert simulation.state.growing.plants['tree'].string.steps == 8
+    mine, theirs = alike(simulation, grown())
+    assert np.array_equal(mine[:, growing.SPAN], theirs[:, growing.SPAN])
+
+
+def test_objects_come_and_go_while_plants_grow():
+    """Add an object, throw a ball and remove the plant between the years."""
+    simulation = planted(5)
+    simulation.grow(rate=RATE, years=4)
+    simulation.step(YEAR + 5)
+    simulation.add(LSystem.load('shrub.lsys').build(), (4.0, 0.0, 0.0), name='shrub')
+    simulation.launch(Projectile('sphere', (0.2,), 5.0, (0.5, -6.0, 3.0), (0.0, 5.0, 0.0)))
+    count = len(simulation.poses)
+    simulation.step(YEAR)
+    assert len(simulation.poses) > count
+    with pytest.raises(CommandError, match='has grown on "tree"'):
+        simulation.remove('tree_year_6')
+    simulation.remove('tree')
+    simulation.step(2 * YEAR)
+    exists = simulation.exists
+    left = {o.name for o in simulation.objects if exists[o.first:o.first + o.count].any()}
+    assert 'shrub' in left and not any(name.startswith('tree') for name in left)
+
+
+def test_commands_that_cannot_be_carried_out_say_why():
+    """Refuse buildings, unknown names, ivy, and values out of range; and `steps` of a wall."""
+    simulation = Simulation(Scene.from_parameters({
+        'engine': 'native', 'scene': {'objects': ['wall', 'ivy']},
+        'wall': {'grammar': 'garden_wall.wall'},
+        'ivy': {'grammar': 'ivy.lsys', 'origin': [1.0, -0.06, 0.0]}}))
+    with pytest.raises(CommandError, match='"wall" is no plant that an L-system'):
+        simulation.grow('wall')
+    with pytest.raises(CommandError, match='no plant "ivi".*ivy'):
+        simulation.grow('ivi')
+    if len(simulation.model.trees.climbers.row):
+        with pytest.raises(CommandError, match='climbs'):
+            simulation.grow('ivy')
+    for wish, said in (({'rate': -1.0}, 'grow.rate'), ({'years': 1.5}, 'grow.years')):
+        with pytest.raises(CommandError, match=said):
+            simulation.grow('ivy', **wish)
+    with pytest.raises(SceneError, match='wall.steps'):
+        Scene.from_parameters({'scene': {'objects': ['wall']},
+                               'wall': {'grammar': 'garden_wall.wall', 'steps': 3}})
+
+
+def test_cues_let_plants_grow():
+    """Grow by a cue, and refuse one with a wrong value."""
+    def scene(cue: str) -> Scene:
+        return Scene.from_parameters({
+            'engine': 'native', 'scene': {'objects': ['tree'], 'cues': [cue]},
+            'wind': {'velocity': [0.0, 0.0, 0.0]},
+            'tree': {'grammar': 'garden_tree.lsys', 'steps': 5}})
+    simulation = Simulation(scene(f'0.1 grow target=tree rate={RATE} years=3'))
+    simulation.step(3 * YEAR + 10)
+    mine, theirs = alike(simulation, grown())
+    assert np.array_equal(mine[:, growing.SPAN], theirs[:, growing.SPAN])
+    with pytest.raises(SceneError, match='grow.years'):
+        scene('1 grow years=2.5')
+
+
+def test_a_string_that_cannot_be_derived_stops_its_plant():
+    """Warn and stay as it is when the grammar drives a width out of its range."""
+    simulation = planted(1, grammar=(
+        'axiom: Density(800) Modulus(8e9) DampingRatio(0.05) !(0.05) S(1)\n'
+        'production:\n  S(n) -> S(n * 1e4)\ninterpretation:\n  S(n) -> F(n / 1e4)\n'))
+    simulation.grow(rate=RATE, years=5)
+    simulation.step(3 * YEAR)
+    plant = simulation.state.growing.plants['tree']
+    assert plant.rate == 0.0 and plant.string.steps < 6
+    assert np.isfinite(simulation.poses).all()
