@@ -69,9 +69,7 @@ SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
-            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
-            'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene',
-            'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
+_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.

@@ -147,8 +147,10 @@ def sway() -> None:
 
 
 def grow_beside() -> None:
-    """Grow a twig that asks everything of its place, beside a wall."""
-    Scene.from_parameters(_ASKING)
+    """Grow a twig that asks everything of its place, beside a wall, and let it grow on."""
+    simulation = Simulation(Scene.from_parameters(_ASKING))
+    simulation.grow(rate=30.0, years=1)
+    simulation.step(3)
 
 
 def break_trees() -> None:

@@ -1,0 +1,91 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""
+Growth in a running scene: milliseconds per step of a growing tree, and a wood of fifty.
+
+Run `python bench/growing.py`. Steps within a year change constants only; at the beginning of a year
+its string is derived and the scene extended, which is told apart.
+"""
+
+from pathlib import Path
+import sys
+import time
+
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import growth, Simulation
+
+_WIND = {'velocity': [4.0, 1.0, 0.0]}
+_SHOWN = 5  # [years] between two lines of a wood
+
+
+def _planted(**tree: object) -> Simulation:
+    return Simulation(Scene.from_parameters({
+        'engine': 'native', 'wind': _WIND, 'scene': {'objects': ['tree']},
+        'tree': {'grammar': 'garden_tree.lsys', **tree}}))
+
+
+def tree(first: int = 10, years: int = 12, rate: float = 2.0) -> None:
+    """Time the steps of one tree, growing and not."""
+    simulation = _planted(steps=first)
+    simulation.step(30)
+    simulation.grow(rate=rate, years=years)
+    within, begins, layouts = [], [], 0
+    while simulation.state.growing.plants['tree'].share < 1.0 or not layouts or any(
+            plant.is_due for plant in simulation.state.growing.plants.values()):
+        began = time.perf_counter()
+        simulation.step()
+        spent = 1e3 * (time.perf_counter() - began)
+        fresh = simulation.layouts > layouts
+        (begins if fresh else within).append(spent)
+        layouts = simulation.layouts
+        if fresh:
+            shown = simulation.state.growing.plants['tree'].string.steps
+            print(f'{shown:3d} years: {simulation.exists.sum():5d} segments, year begins in '
+                  f'{spent:6.0f} ms, a step of the year before {np.median(within[-20:] or [0]):5.2f} '
+                  'ms', flush=True)
+    still = []
+    for _ in range(60):
+        began = time.perf_counter()
+        simulation.step()
+        still.append(1e3 * (time.perf_counter() - began))
+    print(f'a step of the grown tree, {simulation.exists.sum()} segments: growing '
+          f'{np.median(within[-20:]):.2f} ms, then {np.median(still):.2f} ms; '
+          f'its share of the last step: {1e3 * simulation.timings[growth.STAGE]:.2f} ms')
+
+
+def wood(count: int = 50, years: int = 60, rate: float = 1.0) -> None:
+    """Grow a wood from one-year-old trees, and print how it thins itself."""
+    began = time.time()
+    simulation = _planted(steps=1, count=count, layout='scatter', spacing=3.0,
+                          defines=['shoot=1.0', 'least=0.55', 'leaf=0.35', 'vigour=0.7'])
+    simulation.grow('tree', rate=rate, years=years - 1)
+    steps = round(1.0 / (rate * simulation.time_step))
+    for year in range(2, years + 1):
+        simulation.step(steps)
+        if year % _SHOWN == 0:
+            parts, exists = simulation.state.parts, simulation.exists
+            alive = [plant.all_parts() for plant in simulation.state.growing.plants.values()]
+            mass = [parts.mass[rows].sum() for rows in alive if len(rows)]
+            print(f'{year:3d} years: {len(mass):3d} of {count} alive, mean {np.mean(mass):7.1f} '
+                  f'kg, {exists.sum():6d} of {len(exists):6d} segments, '
+                  f'{simulation.bonds_broken} broken, {time.time() - began:5.1f} s', flush=True)
+
+
+if __name__ == '__main__':
+    tree()
+    wood()
