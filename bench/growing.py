@@ -15,8 +15,8 @@
 """
 Growth in a running scene: milliseconds per step of a growing tree, and a wood of fifty.
 
-Run `python bench/growing.py`. Steps within a year change constants only; at the beginning of a year
-its string is derived and the scene extended, which is told apart.
+Run `python bench/growing.py`. Steps within a year change constants only; at the beginning of a
+year its string is derived and the scene extended, which is told apart.
 """
 
 from pathlib import Path
@@ -44,28 +44,24 @@ def tree(first: int = 10, years: int = 12, rate: float = 2.0) -> None:
     simulation = _planted(steps=first)
     simulation.step(30)
     simulation.grow(rate=rate, years=years)
-    within, begins, layouts = [], [], 0
-    while simulation.state.growing.plants['tree'].share < 1.0 or not layouts or any(
-            plant.is_due for plant in simulation.state.growing.plants.values()):
+    steps = round(1.0 / (rate * simulation.time_step))
+    for year in range(first + 1, first + years + 1):
+        spent, own = _timed(simulation, steps)
+        print(f'{year:3d} years: {simulation.exists.sum():5d} segments, year begins in '
+              f'{spent[0]:6.0f} ms, a step then takes {np.median(spent[1:]):5.2f} ms, '
+              f'{np.median(own[1:]):5.2f} ms of it for growth', flush=True)
+    print(f'a step of the tree that has grown: {np.median(_timed(simulation, 60)[0]):.2f} ms')
+
+
+def _timed(simulation: Simulation, steps: int) -> tuple[list[float], list[float]]:
+    """Return the times of steps, and of their stage of growth [ms]."""
+    spent, own = [], []
+    for _ in range(steps):
         began = time.perf_counter()
         simulation.step()
-        spent = 1e3 * (time.perf_counter() - began)
-        fresh = simulation.layouts > layouts
-        (begins if fresh else within).append(spent)
-        layouts = simulation.layouts
-        if fresh:
-            shown = simulation.state.growing.plants['tree'].string.steps
-            print(f'{shown:3d} years: {simulation.exists.sum():5d} segments, year begins in '
-                  f'{spent:6.0f} ms, a step of the year before {np.median(within[-20:] or [0]):5.2f} '
-                  'ms', flush=True)
-    still = []
-    for _ in range(60):
-        began = time.perf_counter()
-        simulation.step()
-        still.append(1e3 * (time.perf_counter() - began))
-    print(f'a step of the grown tree, {simulation.exists.sum()} segments: growing '
-          f'{np.median(within[-20:]):.2f} ms, then {np.median(still):.2f} ms; '
-          f'its share of the last step: {1e3 * simulation.timings[growth.STAGE]:.2f} ms')
+        spent.append(1e3 * (time.perf_counter() - began))
+        own.append(1e3 * simulation.timings[growth.STAGE])
+    return spent, own
 
 
 def wood(count: int = 50, years: int = 60, rate: float = 1.0) -> None:

@@ -233,7 +233,7 @@ def test_what_has_broken_off_grows_no_more_and_nothing_grows_on_it():
 
 
 def test_shed_wood_withers_and_a_plant_may_die():
-    """Remove what the grammar cuts without a jump, and end with a plant of which nothing is left."""
+    """Remove what the grammar cuts without a jump, and end where nothing is left of the plant."""
     text = """
 axiom: Density(800) Modulus(8e9) DampingRatio(0.05) !(0.05) T(0) F(1) [+(50) L(0)] F(1)
 production:

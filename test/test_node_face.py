@@ -69,7 +69,9 @@ SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
-_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
+            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
+            'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene',
+            'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.

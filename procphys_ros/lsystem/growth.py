@@ -253,7 +253,7 @@ def grow(plants: Sequence[Growth], habitat: 'Habitat | None' = None) -> None:
 
 
 def _numbered(owner: np.ndarray) -> np.ndarray:
-    """Number what belongs to the same owner in its order; return owners and numbers, (K, 2)."""
+    """Count what each owner has, in its order; return owners and numbers, (K, 2)."""
     order = np.argsort(owner, kind='stable')
     first = np.flatnonzero(np.diff(owner[order], prepend=-1))
     number = np.empty(len(owner), np.intp)

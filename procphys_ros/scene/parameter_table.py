@@ -29,8 +29,8 @@ from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.objects import ObjectSpec
 from procphys_ros.scene.particles import DustSettings, LeafSettings
-from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.plants import Grow
+from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.spawn import Spawn

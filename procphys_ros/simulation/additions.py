@@ -193,7 +193,7 @@ def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
 
 
 def _extend_masonry(model: Model, state: State, settled: StressSolver, first: int,
-                  bonds: int) -> None:
+                    bonds: int) -> None:
     """Join the stress solver of a new object, parts from `first` and bonds from `bonds` on."""
     graph = deepcopy(model.masonry.graph)
     known = len(state.solver.graph)

@@ -117,9 +117,10 @@ def step(model: Model, state: State, dt: float) -> None:
     if not moving:
         return
     change(model, state, np.isin(own.plant, moving))
-    for number in done:
-        _end_year(state, list(own.plants.values())[number])
-    own.forget(done)
+    if done:
+        for number in done:
+            _end_year(state, list(own.plants.values())[number])
+        own.forget(done)
 
 
 def change(model: Model, state: State, chosen: np.ndarray) -> None:
@@ -295,22 +296,22 @@ def _constants(model: Model, state: State, part: np.ndarray, bond: np.ndarray, b
     start[born], end[dying] = growing.slight(end[born]), growing.slight(start[dying])
     end[dying, :3] *= growing.ratios(end, start, parent[dying])
     start[born, :3] *= growing.ratios(start, end, parent[born])
-    _remount(state, part, parent, born, start)
+    _remount(parent, born, start)
     start = growing.aligned(start, end)
     first, middle, last = (share * forest.balanced(table[forest.parts])[order]
                            for table in (start, 0.5 * (start + end), end))
     end[:, growing.PRELOADS] = last
-    start[born[:, None] & np.isin(np.arange(growing.WIDTH), growing.PRELOADS)] = first[born].ravel()
+    start[np.ix_(born, growing.PRELOADS)] = first[born]
     return start, end, growing.bulge(first, middle, last)
 
 
-def _remount(state: State, part: np.ndarray, parent: np.ndarray, born: np.ndarray,
-             start: np.ndarray) -> None:
+def _remount(parent: np.ndarray, born: np.ndarray, start: np.ndarray) -> None:
     """Mount segments where they are on the new ones that have come between them and their old."""
-    forest, kept = state.forest, np.flatnonzero(~born & (parent >= 0))
+    kept = np.flatnonzero(~born & (parent >= 0))
     for k in kept[born[parent[kept]]].tolist():
-        chain, up = [], int(parent[k])
+        mounts: list[np.ndarray] = []
+        up = int(parent[k])
         while up >= 0 and born[up]:
-            chain.insert(0, start[up, :growing.BODY])
+            mounts.insert(0, start[up, :growing.BODY])
             up = int(parent[up])
-        start[k, :growing.BODY] = growing.remounted(start[k, :growing.BODY], chain)
+        start[k, :growing.BODY] = growing.remounted(start[k, :growing.BODY], mounts)

@@ -224,10 +224,11 @@ def part_columns(model: Model) -> Columns:
     Make the columns of all parts, at rest.
 
     `shape`, `size`, `visual_size` and `solid_size` [m] (N, 3), `mass` [kg] and `inertia` [kg·m²]
-    (N, 3) are those of the blueprint, but for plants that grow. Variable are `drag_area` [m²], which falls with the leaves; `poses`
-    (N, 7) and `velocities` (N, 6), world; `owner`; `body`, id of the rigid body that the part is
-    or belongs to, -1 for none; `local`, pose in the frame of that body, (N, 7); `moved`, whether
-    it moved in the last step. `row` is the part's row of the forest, -1 for none.
+    (N, 3) are those of the blueprint, but for plants that grow. Variable are `drag_area` [m²],
+    which falls with the leaves; `poses` (N, 7) and `velocities` (N, 6), world; `owner`; `body`, id
+    of the rigid body that the part is or belongs to, -1 for none; `local`, pose in the frame of
+    that body, (N, 7); `moved`, whether it moved in the last step. `row` is the part's row of the
+    forest, -1 for none.
     """
     source = model.blueprint
     return Columns(**columns_of(source), owner=owners(model), row=model.trees.row)

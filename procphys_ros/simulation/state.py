@@ -409,7 +409,8 @@ class State:
                         terrain=model.terrain),
             loose_bonds=deepcopy(model.loose_bonds),
             solver=solver, fracture=Fracture(solver), loads=StandingLoads(count), forest=forest,
-            trees=TreeState(np.zeros((len(forest), 3)), trees.sizes.copy(), lod=lod, start_poses=forest.poses.copy(),
+            trees=TreeState(np.zeros((len(forest), 3)), trees.sizes.copy(), lod=lod,
+                            start_poses=forest.poses.copy(),
                             faded_air=np.zeros((len(forest), 3))),
             blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
             rubble=RubbleState(np.zeros((count, 6))),
@@ -461,9 +462,9 @@ class State:
         pose, length = leaves.pose.copy(), parts.visual_size[leaves.part, 2]
         pose[:, :3] *= (length / source.visual_size[leaves.part, 2])[:, None]
         return replace(
-            source, poses=poses, bond_frame=frames, size=parts.size.copy(), visual_size=parts.visual_size.copy(),
-            mass=parts.mass.copy(), inertia=parts.inertia.copy(),
-            leaves=replace(leaves, pose=pose, size=size))
+            source, poses=poses, bond_frame=frames, size=parts.size.copy(),
+            visual_size=parts.visual_size.copy(), mass=parts.mass.copy(),
+            inertia=parts.inertia.copy(), leaves=replace(leaves, pose=pose, size=size))
 
     def shown_poses(self) -> np.ndarray:
         """Return the poses of all parts, until the next step, (N, 7); NaN = the part is gone."""
