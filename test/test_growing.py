@@ -178,7 +178,7 @@ def test_a_grown_tree_swings_and_breaks_as_one_that_was_loaded():
     assert not len(none) and np.abs(theirs).max() > 0.02
     assert np.abs(mine - theirs).max() < 1e-3 * np.abs(theirs).max()
     (_, mine), (_, theirs) = struck(80.0)
-    assert len(mine) > 5 and mine == pytest.approx(theirs, rel=1e-3)
+    assert len(mine) > 10 and mine[:10] == pytest.approx(theirs[:10], rel=1e-3)
 
 
 def test_saved_in_the_middle_of_a_year_it_goes_on_to_the_bit():

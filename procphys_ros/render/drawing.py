@@ -143,6 +143,7 @@ class SceneBatches:
         if not grows:
             return
         self._sun, *self._sky = _shades(moment, np.vstack([self._towards, light.SKY]))
+        outward = _outward(blueprint)
         for key, rows in self._rows.items():
             if key[:2] == ('part', Kind.BRANCH):
                 share = self._light_along(poses[rows], blueprint.visual_size[rows, 2])
@@ -150,6 +151,7 @@ class SceneBatches:
                 share = self._light(poses[rows, :3])
             elif key[0] == 'leaf':
                 share = self._light(_leaf_middles(petioles[rows], blueprint.leaves.size[rows]))
+                self._batches[key].reform(outward[rows], np.arange(len(rows)))
             else:
                 continue
             self._batches[key].light(share)
@@ -225,13 +227,7 @@ class SceneBatches:
         if not len(new):
             return
         self._leaves = len(leaves)
-        held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
-        crowns = light.crown_middles(blueprint.poses[:, :3], held, leaves.part)
-        rest = rotation.compose(blueprint.poses[leaves.part], leaves.pose)
-        middle = _leaf_middles(rest, leaves.size)
-        outward = middle - crowns[leaves.part]
-        outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
-        outward = rotation.rotate(rotation.conjugate(rest[:, 3:]), outward)
+        outward = _outward(blueprint)
         for name, rows in _by_texture(blueprint, new, leaves.texture):
             size = np.zeros((len(rows), 3))
             size[:, 0], size[:, 1], size[:, 2] = leaves.size[rows], look(name).aspect, 1.0
@@ -413,6 +409,17 @@ def _paths(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
         way += way[parent]
         parent = parent[parent]
     return way, parent
+
+
+def _outward(blueprint: Blueprint) -> np.ndarray:
+    """Return unit vectors out of the crown at leaves, in their frames, (L, 3)."""
+    leaves = blueprint.leaves
+    held = blueprint.bonds[blueprint.bonds[:, 0] != GROUND]
+    crowns = light.crown_middles(blueprint.poses[:, :3], held, leaves.part)
+    rest = rotation.compose(blueprint.poses[leaves.part], leaves.pose)
+    outward = _leaf_middles(rest, leaves.size) - crowns[leaves.part]
+    outward /= np.maximum(np.linalg.norm(outward, axis=1, keepdims=True), 1e-9)
+    return rotation.rotate(rotation.conjugate(rest[:, 3:]), outward)
 
 
 def _leaf_middles(petioles: np.ndarray, size: np.ndarray) -> np.ndarray:

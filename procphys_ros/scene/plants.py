@@ -45,7 +45,7 @@ class Stand:
 
 
 @dataclass(frozen=True)
-class Plant:
+class ScenePlant:
     """
     A plant as it stands when the scene is built.
 
@@ -72,7 +72,7 @@ class Plant:
         return stand_on(terrain, drawn.blueprint.placed(self.position, self.yaw), name)
 
 
-def advance(plants: Mapping[str, Plant], stand: Stand, strings: Mapping[str, GrownString],
+def advance(plants: Mapping[str, ScenePlant], stand: Stand, strings: Mapping[str, GrownString],
             due: set[str]) -> dict[str, Growth]:
     """
     Derive the next strings of some plants of a stand; the others are in their way as they are.

@@ -41,7 +41,7 @@ from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
 from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.plan import read_plan
-from procphys_ros.scene.plants import Plant, Stand
+from procphys_ros.scene.plants import ScenePlant, Stand
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import read_shard, Shard
 from procphys_ros.scene.soundness import check_blueprint
@@ -131,7 +131,7 @@ class Scene:
         self._carriers: list[np.ndarray] = []  # by object and bond: the bearing part, -1 = none
         self.paving: list[Paving] = []
         self.shard = Shard()
-        self.plants: dict[str, Plant] = {}
+        self.plants: dict[str, ScenePlant] = {}
         self._instances = 0
         self._chained: Blueprint | None = None
         self._names: set[str] = set()
@@ -298,8 +298,9 @@ class Scene:
         for i in mine:
             self._place(built[i % variants], points[i], headings[i], names[i], spec.on)
             if seedlings and not spec.on:
-                self.plants[names[i]] = Plant(seedlings[i % variants], tuple(points[i].tolist()),
-                                              float(headings[i]), Stand((names[i],)))
+                self.plants[names[i]] = ScenePlant(
+                    seedlings[i % variants], tuple(points[i].tolist()), float(headings[i]),
+                    Stand((names[i],)))
 
     def _spots(self, spec: ObjectSpec, number: int) -> tuple[int, np.ndarray, np.ndarray]:
         """Return the seed of an object, and positions (N, 3) and headings (N,) of instances."""
@@ -347,7 +348,7 @@ class Scene:
                     _LOG.warning(f'{sapling.name} has died where it stands: nothing of it is left')
                     continue
                 self._place(own.blueprint, sapling.position.tolist(), sapling.yaw, sapling.name)
-                self.plants[sapling.name] = Plant(
+                self.plants[sapling.name] = ScenePlant(
                     sapling.growth, tuple(sapling.position.tolist()), sapling.yaw, alive)
         stand.clear()
 

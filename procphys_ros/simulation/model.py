@@ -35,7 +35,7 @@ from procphys_ros.physics.trees import Anchors, Forest
 from procphys_ros.physics.wind import Wind
 from procphys_ros.physics.world import Pieces
 from procphys_ros.scene import SceneObject, Settings
-from procphys_ros.scene.plants import Plant
+from procphys_ros.scene.plants import ScenePlant
 from procphys_ros.scene.shards import Shard
 from procphys_ros.simulation import obstacles
 from procphys_ros.simulation.contact_pairs import survey, survey_crowns
@@ -45,7 +45,7 @@ from procphys_ros.simulation.spawned_parts import SHARD
 _JOINT = 0.01        # [m] mortar between parts whose faces count as one wall
 _COVERED = 0.5       # [m] before an outer face, within which another part shields it
 _THICKEST = 0.025    # [m] thicker glass is not a pane
-_NO_PLANTS: Mapping[str, Plant] = MappingProxyType({})
+_NO_PLANTS: Mapping[str, ScenePlant] = MappingProxyType({})
 _STRENGTH_SEED = 102  # separates random streams that share the scene's seed
 
 
@@ -193,7 +193,7 @@ class Model:
     wooden: np.ndarray
     intruders: dict[str, Pieces]
     loaded: int
-    plants: Mapping[str, Plant]
+    plants: Mapping[str, ScenePlant]
 
     @property
     def threads(self) -> int:
@@ -215,7 +215,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
                   objects: Sequence[SceneObject], time_step: float, seed: int,
                   wind: Wind | None = None, loaded: int | None = None,
                   graphs: tuple[BondGraph, BondGraph] | None = None,
-                  plants: Mapping[str, Plant] = _NO_PLANTS) -> Model:
+                  plants: Mapping[str, ScenePlant] = _NO_PLANTS) -> Model:
     """
     Compile all constant data of a scene.
 
