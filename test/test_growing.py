@@ -20,10 +20,17 @@ import pickle
 
 import numpy as np
 import pytest
+from rclpy.serialization import deserialize_message
+from visualization_msgs.msg import MarkerArray
 
+from procphys_ros.appearance.torn_wood import WoodJoints
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.lsystem import LSystem
+from procphys_ros.messages import SceneMarkers
 from procphys_ros.physics.trees import growing
+from procphys_ros.render.camera import View
+from procphys_ros.render.film import moment_of
+from procphys_ros.render.picture import Renderer
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.simulation import Simulation
@@ -355,6 +362,54 @@ def test_cues_let_plants_grow():
     assert np.array_equal(mine[:, growing.SPAN], theirs[:, growing.SPAN])
     with pytest.raises(SceneError, match='grow.years'):
         scene('1 grow years=2.5')
+
+
+def test_joints_hold_together_as_drawn():
+    """Find no torn wood within a year, nor where wood was shed."""
+    simulation = planted(5, (5.0, 0.0, 0.0))
+    simulation.grow(rate=RATE, years=2)
+    for _ in range(5):
+        simulation.step(YEAR // 2 - 1)
+        joints = WoodJoints(simulation.blueprint)
+        assert not len(joints.apart(simulation.state.shown_poses()))
+    assert not simulation.exists.all()
+
+
+def test_pictures_of_a_growing_tree_are_those_drawn_anew():
+    """Follow sizes, leaves, light and shade, in pieces that are kept from picture to picture."""
+    simulation = planted(4)
+    view = View(np.array([0.0, -6.0, 1.5]), np.array([0.0, 0.0, 1.0]))
+    first = moment_of(simulation)
+    renderer = Renderer(first, (160, 120))
+    young = renderer.draw(first, view).astype(float)
+    simulation.grow(rate=RATE, years=2)
+    simulation.step(YEAR + YEAR // 2)
+    now = moment_of(simulation)
+    kept = renderer.draw(now, view).astype(float)
+    fresh = Renderer(now, (160, 120))
+    anew = fresh.draw(now, view).astype(float)
+    renderer.close()
+    fresh.close()
+    assert np.abs(anew - young).mean() > 5.0 * np.abs(anew - kept).mean()
+
+
+def test_markers_follow_growth():
+    """Send the sizes of branches again as they grow, and none twice."""
+    simulation = planted(5)
+    simulation.grow(rate=RATE, years=1)
+    simulation.step()
+    markers = SceneMarkers(simulation.state.blueprint, simulation.objects, 'world')
+    markers.resize(simulation.blueprint)
+    markers.whole(simulation.poses, (0, 0))
+    simulation.step(YEAR // 2)
+    markers.resize(simulation.blueprint)
+    sent = deserialize_message(markers.changes(simulation.poses, (1, 0)), MarkerArray).markers
+    sizes = {marker.id: marker.scale for marker in sent if marker.ns == 'tree'}
+    width, tip, length = simulation.blueprint.visual_size[0]
+    assert sizes[0].x == pytest.approx(0.5 * (width + tip))
+    assert sizes[0].z == pytest.approx(length)
+    markers.resize(simulation.blueprint)
+    assert markers.changes(simulation.poses, (1, 0)) is None
 
 
 def test_a_string_that_cannot_be_derived_stops_its_plant():
