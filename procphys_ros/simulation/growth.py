@@ -127,25 +127,27 @@ def change(model: Model, state: State, chosen: np.ndarray) -> None:
     """
     Set what grows to its present share of the year; what has broken off stays as it is.
 
-    :param chosen: rows of `state.growing`, (K,) bool.
+    :param chosen: rows of `state.growing`, (K,) bool; changed.
     """
     own, parts, forest = state.growing, state.parts, state.forest
-    place = np.flatnonzero(chosen)
-    place = place[living(state, own.part[place])]
-    if not len(place):
+    chosen &= living(state, own.part)
+    if not chosen.any():
         return
-    part, share = own.part[place], own.shares()[own.plant[place]][:, None]
-    start, end = own.start[place], own.end[place]
+    place: slice | np.ndarray = slice(None) if chosen.all() else np.flatnonzero(chosen)
+    if own.slope is None:
+        own.slope = growing.slope_of(own.start, own.end)
+    part, share = own.part[place], own.shares()[own.plant[place]]
+    now = growing.between(own.start[place], own.end[place], own.slope[place], share)
+    growing.balance(now, own.bulge[place], share)
     rows, area = parts.row[part], model.blueprint.leaf_area[part]
     leaves = np.where(area > 0.0, state.leaves.left[part] / np.where(area > 0.0, area, 1.0), 1.0)
-    forest.change(rows, growing.constants_between(
-        start[:, :PART], end[:, :PART], own.bulge[place], share), np.clip(leaves, 0.0, 1.0))
-    now, at = growing.between(start[:, PART:], end[:, PART:], share), 0
+    forest.change(rows, now, np.clip(leaves, 0.0, 1.0))
+    at = PART
     for name, width in COLUMNS.items():
         block = now[:, at:at + width]
         getattr(parts, name)[part] = block if width > 1 else block[:, 0]
         at += width
-    parts.drag_area[part] -= FOLIAGE_DRAG * share[:, 0] * (1.0 - leaves) * area
+    parts.drag_area[part] -= FOLIAGE_DRAG * share * (1.0 - leaves) * area
     state.trees.sizes[rows] = parts.solid_size[part]
     if state.trees.lod is not None:
         state.trees.lod.wake(state.trees.lod.of_rows(forest, rows))
@@ -251,7 +253,7 @@ def _begin(model: Model, state: State, years: list[Year], bonds: np.ndarray) -> 
     own.part, own.plant = np.append(own.part, part), np.append(own.plant, plant)
     own.start = np.concatenate([own.start, np.hstack([start, before])])
     own.end = np.concatenate([own.end, np.hstack([end, after])])
-    own.bulge = np.concatenate([own.bulge, bulge])
+    own.bulge, own.slope = np.concatenate([own.bulge, bulge]), None
     for year in years:
         year.keep(own, numbers[year.name])
     state.leaves.left[part] = model.blueprint.leaf_area[part]

@@ -84,7 +84,8 @@ class GrowingState:
     :ivar part: parts that change in this year, (K,).
     :ivar plant: number of the plant of each, (K,).
     :ivar start, end: constants of their segments and columns of parts then, (K, 41).
-    :ivar bulge: of preloads, see `constants_between`, (K, 4).
+    :ivar slope: from start to end, (K, 41); None = to be computed.
+    :ivar bulge: of preloads, see `growing.balance`, (K, 4).
     :ivar leaf: leaves that change in this year, (L,).
     :ivar leaf_plant: number of the plant of each, (L,).
     :ivar leaf_start, leaf_end: their sizes then [m], (L,).
@@ -96,11 +97,15 @@ class GrowingState:
     plant: np.ndarray = _numbers()
     start: np.ndarray = _table(WIDTH)
     end: np.ndarray = _table(WIDTH)
+    slope: np.ndarray | None = None
     bulge: np.ndarray = _table(4)
     leaf: np.ndarray = _numbers()
     leaf_plant: np.ndarray = _numbers()
     leaf_start: np.ndarray = field(default_factory=lambda: np.zeros(0))
     leaf_end: np.ndarray = field(default_factory=lambda: np.zeros(0))
+
+    def __getstate__(self) -> dict[str, object]:
+        return {**self.__dict__, 'slope': None}
 
     def shares(self) -> np.ndarray:
         """Return the share of the year that has passed for each plant, (P,)."""
@@ -127,6 +132,7 @@ class GrowingState:
 
     def forget(self, numbers: list[int]) -> None:
         """Drop the growth of the present year of some plants, given their numbers."""
+        self.slope = None
         kept, green = ~np.isin(self.plant, numbers), ~np.isin(self.leaf_plant, numbers)
         for name in ('part', 'plant', 'start', 'end', 'bulge'):
             setattr(self, name, getattr(self, name)[kept])

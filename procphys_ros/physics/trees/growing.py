@@ -39,6 +39,7 @@ SPAN = BODY + LENGTH
 
 THIN = 1e-3   # of its length and width, as which a segment begins, and to which one withers
 LIGHT = 1e-6  # of its other constants then: lighter than by THIN³, equations lose digits
+_ROUNDING = 1e-14
 _LENGTHS = [BODY + REACH, BODY + LENGTH]
 _KEPT = [*range(BODY), BODY + VOGEL, SWING + _LIMIT]
 
@@ -62,35 +63,45 @@ def ratios(one: np.ndarray, other: np.ndarray, parents: np.ndarray) -> np.ndarra
     return ratio[parents][:, None]
 
 
-def between(start: np.ndarray, end: np.ndarray, share: np.ndarray) -> np.ndarray:
+def slope_of(start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Return how columns change in the whole year, 0 where they are infinite, (K, W)."""
+    with np.errstate(invalid='ignore'):
+        return np.where(start == end, 0.0, end - start)
+
+
+def between(start: np.ndarray, end: np.ndarray, slope: np.ndarray,
+            share: np.ndarray) -> np.ndarray:
     """
     Interpolate columns linearly, exactly at both ends, (K, W).
 
-    :param start, end: (K, W); infinite numbers are those of the end.
-    :param share: 0 to 1, (K, 1).
+    :param start, end: (K, W).
+    :param slope: from `slope_of`, (K, W).
+    :param share: 0 to 1, (K,).
     """
-    with np.errstate(invalid='ignore'):
-        now = start + share * (end - start)
-    return np.where((start == end) | (share >= 1.0), end, now)
+    now = slope * share[:, None]
+    now += start
+    done = share >= 1.0
+    if done.any():
+        now[done] = end[done]
+    return now
 
 
-def constants_between(start: np.ndarray, end: np.ndarray, bulge: np.ndarray,
-                      share: np.ndarray) -> np.ndarray:
+def balance(constants: np.ndarray, bulge: np.ndarray, share: np.ndarray) -> None:
     """
-    Interpolate constants, so that trees at rest stay in balance, (K, 27).
+    Correct interpolated constants so that trees at rest stay in balance.
 
     Masses and lengths change linearly, so preloads do so to the second order.
 
-    :param start, end: constants, (K, 27).
+    :param constants: changed in place, (K, 27 or more).
     :param bulge: of preloads, from `bulge`, (K, 4).
-    :param share: 0 to 1, (K, 1).
+    :param share: 0 to 1, (K,).
     """
-    now = between(start, end, share)
-    turn = now[:, 3:BODY]
-    size = np.sqrt((turn * turn).sum(axis=1, keepdims=True))
-    np.divide(turn, size, out=turn, where=np.abs(size - 1.0) > 1e-15)
-    now[:, PRELOADS] += share * (1.0 - share) * bulge
-    return now
+    turn = constants[:, 3:BODY]
+    square = (turn * turn).sum(axis=1)
+    bent = np.abs(square - 1.0) > _ROUNDING
+    if bent.any():
+        turn[bent] /= np.sqrt(square[bent])[:, None]
+    constants[:, PRELOADS] += (share * (1.0 - share))[:, None] * bulge
 
 
 def aligned(start: np.ndarray, end: np.ndarray) -> np.ndarray:
