@@ -33,6 +33,7 @@ from procphys_ros.physics.air import FOLIAGE_DRAG
 from procphys_ros.physics.masonry import BondGraph, StressSolver
 from procphys_ros.physics.trees import Forest, growing
 from procphys_ros.scene import SceneObject
+from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.plants import advance, Grow, Stand
 from procphys_ros.simulation import additions, breaking
 from procphys_ros.simulation.layout_of_year import lay_out, living, match, subset, Year
@@ -149,8 +150,10 @@ def change(model: Model, state: State, chosen: np.ndarray) -> None:
         at += width
     parts.drag_area[part] -= FOLIAGE_DRAG * share * (1.0 - leaves) * area
     state.trees.sizes[rows] = parts.solid_size[part]
-    if state.trees.lod is not None:
-        state.trees.lod.wake(state.trees.lod.of_rows(forest, rows))
+    lod = state.trees.lod
+    if lod is not None:
+        lod.update_trees(forest)
+        lod.wake(lod.of_rows(forest, rows))
 
 
 def enlarge(model: Model, state: State) -> Model:
@@ -198,11 +201,13 @@ def _matched(model: Model, state: State, growths: dict[str, Growth]) -> list[Yea
     years, count = [], len(state.parts)
     for name, growth in growths.items():
         try:
-            years.append(match(model, state, name, growth, count))
+            year = match(model, state, name, growth, count)
+            check_addition(name, len(year.born), available_memory())
         except ProcPhysError as error:
             _stop(state, [name], error)
         else:
-            count += len(years[-1].born)
+            years.append(year)
+            count += len(year.born)
     return years
 
 

@@ -149,8 +149,11 @@ class LodScheduler:
         self.enclose(forest)
 
     def renumber(self, rows: np.ndarray) -> None:
-        """Follow trees whose segments have new rows, (S,), in the same order."""
-        self._roots, self._plan = rows[self._roots], None
+        """Follow trees whose segments have new rows, (S,)."""
+        order = np.argsort(rows[self._roots])
+        self._roots, self._plan = rows[self._roots][order], None
+        for name in self._START:
+            setattr(self, name, getattr(self, name)[order])
 
     def of_rows(self, forest: Forest, rows: np.ndarray) -> np.ndarray:
         """Return the trees that rows belong to, without inactive rows."""
