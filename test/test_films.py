@@ -166,7 +166,7 @@ def test_kept_meshes_draw_what_new_ones_would(tmp_path):
 def test_parts_that_join_later_are_drawn():
     """Show parts that a later moment has behind those of the first."""
     pole = LSystem.parse(_POLE).build()
-    both = LSystem.parse(_POLE.replace('F(1) F(1)', 'F(1) F(1) Width(0.6) F(1)')).build()
+    both = LSystem.parse(_POLE.replace('F(1) F(1)', 'F(1) F(1) [Width(0.6) F(1)]')).build()
     view = View(np.array([0.0, -8.0, 1.5]), np.array([0.0, 0.0, 1.5]))
     renderer = Renderer(Moment(pole, pole.poses), _SIZE)
     few = renderer.draw(Moment(pole, pole.poses), view).astype(int)

@@ -84,6 +84,13 @@ class _Sapling(NamedTuple):
     growth: Growth
 
 
+def _grown(seedling: Growth) -> Blueprint:
+    """Build a plant that asks nothing, as far as it is to be derived."""
+    plant = seedling.resumed()
+    grow([plant])
+    return build_drawn(plant.draw())
+
+
 def check_name(name: str) -> None:
     """
     Check that a name can begin the names of parts, as in oak_0/17.
@@ -286,11 +293,8 @@ class Scene:
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
                 if isinstance(grammar, LSystem):
                     seedlings[i] = grammar.plant(_ORIGIN, seed + i, spec.numbers, spec.length)
-                    tree = seedlings[i].resumed()
-                    grow([tree])
-                    built[i] = build_drawn(tree.draw())
-                else:
-                    built[i] = grammar.build(seed=seed + i, **spec.numbers)
+                built[i] = (grammar.build(seed=seed + i, **spec.numbers) if spec.length is None
+                            else _grown(seedlings[i]))
             grown += len(built[i])
             foreseen = _SMALLEST * len(mine) * grown / len(built)
             check_capacity(self._parts + max(grown, int(foreseen)), self._memory)

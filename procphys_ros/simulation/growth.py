@@ -296,7 +296,7 @@ def _constants(model: Model, state: State, part: np.ndarray, bond: np.ndarray, b
     source = model.blueprint
     alone = subset(source, part, bond)
     forest = Forest(alone, (0.0, 0.0, -model.gravity))
-    order = np.argsort(forest.parts)  # row of each part
+    order = np.argsort(forest.parts, kind='stable')  # row of each part
     parent = np.where(alone.bonds[:, 0] < 0, -1, alone.bonds[:, 0])
     end, start = forest.constants[order], state.forest.constants[state.parts.row[part]]
     share = alone.hinges.preload[:, None]
@@ -308,7 +308,7 @@ def _constants(model: Model, state: State, part: np.ndarray, bond: np.ndarray, b
     first, middle, last = (share * forest.balanced(table[forest.parts])[order]
                            for table in (start, 0.5 * (start + end), end))
     end[:, growing.PRELOADS] = last
-    start[np.ix_(born, growing.PRELOADS)] = first[born]
+    start[np.flatnonzero(born)[:, None], growing.PRELOADS] = first[born]
     return start, end, growing.bulge(first, middle, last)
 
 

@@ -175,7 +175,7 @@ def _find(known: np.ndarray, wanted: np.ndarray) -> np.ndarray:
     if not len(known):
         return np.full(len(wanted), -1)
     keys, wants = (rows[:, 0] * _MOST + rows[:, 1] for rows in (known, wanted))
-    order = np.argsort(keys)
+    order = np.argsort(keys, kind='stable')
     place = order[np.minimum(np.searchsorted(keys, wants, sorter=order), len(keys) - 1)]
     return np.where(keys[place] == wants, place, -1)
 

@@ -150,7 +150,7 @@ class LodScheduler:
 
     def renumber(self, rows: np.ndarray) -> None:
         """Follow trees whose segments have new rows, (S,)."""
-        order = np.argsort(rows[self._roots])
+        order = np.argsort(rows[self._roots], kind='stable')
         self._roots, self._plan = rows[self._roots][order], None
         for name in self._START:
             setattr(self, name, getattr(self, name)[order])
