@@ -93,7 +93,7 @@ class ObjectSpec:
 
     @property
     def length(self) -> int | None:
-        """Number of derivation steps; None = as the grammar says."""
+        """Return the number of derivation steps; None = as the grammar says."""
         return None if self.steps < 0 else self.steps
 
     @property
