@@ -64,7 +64,7 @@ def _timed(simulation: Simulation, steps: int) -> tuple[list[float], list[float]
     return spent, own
 
 
-def wood(count: int = 50, years: int = 60, rate: float = 1.0) -> None:
+def wood(count: int = 50, years: int = 60, rate: float = 4.0) -> None:
     """Grow a wood from one-year-old trees, and print how it thins itself."""
     began = time.time()
     simulation = _planted(steps=1, count=count, layout='scatter', spacing=3.0,

@@ -28,12 +28,13 @@ from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import SceneMarkers
 from procphys_ros.physics.trees import growing
+from procphys_ros.physics.trees.layout import ACROSS, MASS
 from procphys_ros.render.camera import View
 from procphys_ros.render.film import moment_of
 from procphys_ros.render.picture import Renderer
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import growth, Simulation
 from procphys_ros.simulation.parts import Owner
 
 RATE = 3.0  # [years/s]
@@ -163,6 +164,32 @@ def test_it_sways_while_it_grows_and_gains_no_energy():
     lean = [np.nanmax(s.poses[:, 0]) for s in (simulation, direct)]
     assert lean[0] == pytest.approx(lean[1], rel=0.05)
     assert lean[0] > np.nanmax(grown().poses[:, 0]) + 0.01
+
+
+def test_momentum_stays_while_mass_is_added():
+    """Change constants in the middle of a swing: linear and angular momenta stay, energy falls."""
+    simulation = planted(5, (8.0, 2.0, 0.0))
+    simulation.grow(rate=RATE, years=2)
+    simulation.step(YEAR + 7)
+    forest = simulation.state.forest
+    found = []
+    for _ in range(2):
+        rows = np.flatnonzero(forest.active & np.isin(
+            forest.parts, simulation.state.growing.plants['tree'].parts))
+        body, v = forest.model.body[rows], forest.velocities[rows].copy()
+        found.append((body[:, [MASS, ACROSS]].copy(), v[:, :3], v[:, 3:],
+                      forest.kinetic(np.array([0]))[0] * body[:, MASS].sum()))
+        growth.step(simulation.model, simulation.state, simulation.time_step)
+    before, after = found
+    gains = after[0] > before[0]  # the tips of last year lose the weight of their leaves
+    assert gains.mean() > 0.5 and after[0][:, 0].sum() > 1.005 * before[0][:, 0].sum()
+    for column in (0, 1):
+        one, other = (mass[gains[:, column], column, None] * (
+            v, spin)[column][gains[:, column]] for mass, v, spin, _ in found)
+        assert np.abs(one).max() > 0.0 and other == pytest.approx(one, rel=1e-9, abs=1e-15)
+        kept = ~gains[:, column]
+        assert np.array_equal(before[1 + column][kept], after[1 + column][kept])
+    assert after[3] < before[3]
 
 
 def test_a_grown_tree_swings_and_breaks_as_one_that_was_loaded():

@@ -67,6 +67,8 @@ def carried(parents: np.ndarray, rows: np.ndarray, weight: np.ndarray) -> np.nda
     :param rows: anchored rows, (K,).
     :param weight: of each row [N], (S, 3).
     """
+    if not len(rows):
+        return weight[rows]
     total, held = weight.copy(), np.zeros(len(parents), bool)
     held[rows] = True
     for i in range(len(parents) - 1, -1, -1):

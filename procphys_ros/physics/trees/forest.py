@@ -246,14 +246,20 @@ class Forest:
 
     def change(self, rows: np.ndarray, constants: np.ndarray, leaves: np.ndarray) -> None:
         """
-        Change constants of rooted trees; bends and velocities stay.
+        Change constants of rooted trees; bends stay.
+
+        Mass that is added is at rest: momenta stay, too. Mass that is lost takes its momentum along.
 
         :param rows: active rows, (K,).
         :param constants: new ones, as in `constants`, (K, 27).
         :param leaves: share of their leaf area left, 0 to 1, (K,).
         """
+        inertia = self._model.body[:, [MASS, ACROSS]]
         for column, block in zip(self._model, growing.BLOCKS):
             column[rows] = constants[:, block]
+        slower = np.minimum(inertia[rows] / self._model.body[rows][:, [MASS, ACROSS]], 1.0)
+        for column in (self._state.velocities, self._state.carried):
+            column[rows] *= np.repeat(slower, 3, axis=1)
         self._section[rows] = constants[:, growing.SECTION]
         self._foliage[rows] = self._model.body[rows, LEAF_FLOW]
         self.keep_leaves(rows, leaves)
