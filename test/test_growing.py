@@ -320,6 +320,25 @@ material brick { tension: 2e5  cohesion: 3e5 }
     assert mine[:, growing.SPAN] == pytest.approx(theirs[:, growing.SPAN])
 
 
+def test_a_crowded_wood_thins_itself():
+    """Lose trees in the shade of the others, which grow on, without a broken branch."""
+    simulation = planted(2, count=20, layout='scatter', spacing=0.9, defines=[
+        'shoot=1.0', 'least=0.55', 'leaf=0.35', 'vigour=0.7', 'dark=0.35'])
+    first = len(simulation.objects)
+    simulation.grow('tree', rate=6.0, years=12)
+
+    def masses() -> list[float]:
+        found = [plant.all_parts() for plant in simulation.state.growing.plants.values()]
+        return [float(simulation.state.parts.mass[parts].sum()) for parts in found if len(parts)]
+    counts, means = [], []
+    for _ in range(3):
+        simulation.step(40)
+        counts.append(len(masses()))
+        means.append(np.mean(masses()))
+    assert first > counts[0] > counts[2] > 2
+    assert means[2] > 2.0 * means[0] and simulation.bonds_broken == 0
+
+
 def test_growth_stops_and_goes_on():
     """Stop as it is with a rate of 0, go on from there, and end after whole years."""
     simulation = planted(5)

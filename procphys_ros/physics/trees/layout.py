@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Hinges, Law
+from procphys_ros.compilation import kernel
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG, VOGEL_EXPONENT
@@ -135,27 +136,50 @@ def _vogel_exponents(blueprint: Blueprint) -> np.ndarray:
 
 def _preorder(parent: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sort hinges depth first; return their order, parent rows and subtree ends."""
-    children: list[list[int]] = [[] for _ in parent]
-    for hinge in range(len(parent) - 1, -1, -1):
-        if parent[hinge] >= 0:
-            children[parent[hinge]].append(hinge)
-    waiting = [hinge for hinge in range(len(parent) - 1, -1, -1) if parent[hinge] < 0]
-    order = []
-    while waiting:
-        order.append(waiting.pop())
-        waiting.extend(children[order[-1]])
-    if len(order) < len(parent):
-        raise SceneError(f'{len(parent) - len(order)} hinges form a ring; branches must be trees')
-    sequence = np.array(order, np.int64)
-    row = np.empty(len(parent) + 1, np.int64)
-    row[sequence] = np.arange(len(parent))
-    row[-1] = -1
-    parents = row[parent[sequence]]
-    end = np.arange(1, len(parent) + 1)
-    for i in range(len(parent) - 1, -1, -1):
-        if parents[i] >= 0:
-            end[parents[i]] = max(end[parents[i]], end[i])
+    sequence, parents, end = _sort(parent)
+    if len(sequence) < len(parent):
+        raise SceneError(f'{len(parent) - len(sequence)} hinges form a ring; branches must be '
+                         'trees')
     return sequence, parents, end
+
+
+@kernel
+def _sort(parent):
+    """
+    Sort what hangs on others depth first, siblings in their order.
+
+    :param parent: that each hangs on, -1 = none, (K,).
+    :returns: the order, shorter where there are rings; and, by places in it, parents and one past
+        the last of those that hang on each.
+    """
+    first = np.zeros(len(parent) + 2, np.int64)  # child of each, of -1 first
+    for i in range(len(parent)):
+        first[parent[i] + 2] += 1
+    for i in range(1, len(first)):
+        first[i] += first[i - 1]
+    child, filled = np.empty(len(parent), np.int64), first.copy()
+    for i in range(len(parent)):
+        child[filled[parent[i] + 1]] = i
+        filled[parent[i] + 1] += 1
+    order, stack = np.empty(len(parent), np.int64), np.empty(len(parent), np.int64)
+    row, done, waiting, at = np.full(len(parent), -1), 0, 0, -1
+    while True:
+        for k in range(first[at + 2] - 1, first[at + 1] - 1, -1):
+            stack[waiting] = child[k]
+            waiting += 1
+        if waiting == 0:
+            break
+        waiting -= 1
+        at = stack[waiting]
+        order[done], row[at] = at, done
+        done += 1
+    parents, end = np.full(done, -1), np.arange(1, done + 1)
+    for i in range(done - 1, -1, -1):
+        up = parent[order[i]]
+        if up >= 0:
+            parents[i] = row[up]
+            end[row[up]] = max(end[row[up]], end[i])
+    return order[:done], parents, end
 
 
 def _axes(parent: np.ndarray, width: np.ndarray, frame: np.ndarray) -> np.ndarray:
