@@ -248,7 +248,7 @@ class Forest:
         """
         Change constants of rooted trees; bends stay.
 
-        Mass that is added is at rest: momenta stay, too. Mass that is lost takes its momentum along.
+        Mass that is added is at rest: momenta stay, too. Mass that is lost takes its own along.
 
         :param rows: active rows, (K,).
         :param constants: new ones, as in `constants`, (K, 27).

@@ -22,14 +22,14 @@ from procphys_ros.physics.trees.layout import (
     EXTRA_PRELOAD,
     EXTRA_STRIDE,
     LENGTH,
+    LIMIT,
     PRELOAD_X,
     PRELOAD_Y,
     REACH,
     VOGEL,
 )
-from procphys_ros.physics.trees.layout import LIMIT as _LIMIT
 
-MOUNT, BODY, SWING, EXTRA = 0, 7, 15, 20
+BODY, SWING, EXTRA = 7, 15, 20
 SECTION, WIDTH = 26, 27
 BLOCKS = slice(0, BODY), slice(BODY, SWING), slice(SWING, EXTRA), slice(EXTRA, SECTION)
 """Columns of `Forest.constants`: those of `ForestModel`, without the joint; section modulus."""
@@ -39,9 +39,9 @@ SPAN = BODY + LENGTH
 
 THIN = 1e-3   # of its length and width, as which a segment begins, and to which one withers
 LIGHT = 1e-6  # of its other constants then: lighter than by THIN³, equations lose digits
-_ROUNDING = 1e-14
+_ROUNDING = 1e-14  # of the squares of quaternions
 _LENGTHS = [BODY + REACH, BODY + LENGTH]
-_KEPT = [*range(BODY), BODY + VOGEL, SWING + _LIMIT]
+_KEPT = [*range(BODY), BODY + VOGEL, SWING + LIMIT]
 
 
 def slight(constants: np.ndarray) -> np.ndarray:
