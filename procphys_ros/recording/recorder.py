@@ -63,7 +63,7 @@ class Recorder:
         self._terrain, self._paving = simulation.model.terrain, simulation.scene.paving
         self._description = SceneDescription(frame, self._terrain, self._paving, seats)
         self._described: tuple[int, int] | None = None
-        self._added: tuple[str, ...] = ()
+        self._content: tuple[tuple[str, ...], int] = (), 0
         self._had_dust = False
 
     def __enter__(self) -> Self:
@@ -121,7 +121,10 @@ class Recorder:
         content = len(simulation.blueprint), len(simulation.removed)
         if content != self._described and (not self._described or is_full):
             self._described = content
-            text = self._description.write(simulation.blueprint, simulation.objects,
+            if simulation.layouts:  # of plants that have grown, all parts have other sizes
+                self._description = SceneDescription(self._frame, self._terrain, self._paving,
+                                                     seats)
+            text = self._description.write(simulation.state.blueprint, simulation.objects,
                                            simulation.removed)
             writer = CdrWriter()
             writer.string(text)
@@ -138,12 +141,15 @@ class Recorder:
 
     def _put_markers(self, at: messages.Stamp, is_full: bool) -> None:
         simulation, markers = self._simulation, self._markers
-        if markers is None or simulation.added != self._added:  # added objects may have leaves
-            self._added, is_full = simulation.added, True
-            markers = self._markers = SceneMarkers(simulation.blueprint, simulation.objects,
+        content = simulation.added, simulation.layouts  # what is added or grows may have leaves
+        if markers is None or content != self._content:
+            self._content, is_full = content, True
+            markers = self._markers = SceneMarkers(simulation.state.blueprint, simulation.objects,
                                                    self._frame, MarkerStyle())
-        elif len(markers) < len(simulation.blueprint):
+        elif len(markers) < len(simulation.poses):
             markers.grow(simulation.blueprint, simulation.objects)
+        if simulation.layouts:
+            markers.resize(simulation.blueprint)
         leaves = simulation.leaf_poses() if markers.shows_leaf_poses else None
         write = markers.whole if is_full else markers.changes
         data = write(simulation.state.shown_poses(), at, leaves, simulation.dust)
