@@ -16,11 +16,13 @@
 """Plants that grow on in a running simulation: continuity, statics, years, damage, commands."""
 
 from functools import cache
+import json
 import pickle
 
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message
+from std_msgs.msg import String
 from visualization_msgs.msg import MarkerArray
 
 from procphys_ros.appearance.torn_wood import WoodJoints
@@ -29,6 +31,8 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.messages import SceneMarkers
 from procphys_ros.physics.trees import growing
 from procphys_ros.physics.trees.layout import ACROSS, MASS
+from procphys_ros.recording.recorder import Recorder
+from procphys_ros.recording.recording import Recording
 from procphys_ros.render.camera import View
 from procphys_ros.render.film import moment_of
 from procphys_ros.render.picture import Renderer
@@ -390,9 +394,10 @@ def test_commands_that_cannot_be_carried_out_say_why():
     for wish, said in (({'rate': -1.0}, 'grow.rate'), ({'years': 1.5}, 'grow.years')):
         with pytest.raises(CommandError, match=said):
             simulation.grow('ivy', **wish)
-    with pytest.raises(SceneError, match='wall.steps'):
-        Scene.from_parameters({'scene': {'objects': ['wall']},
-                               'wall': {'grammar': 'garden_wall.wall', 'steps': 3}})
+    for grammar in ('garden_wall.wall', 'high_street.plan'):
+        with pytest.raises(SceneError, match='wall.steps'):
+            Scene.from_parameters({'scene': {'objects': ['wall']},
+                                   'wall': {'grammar': grammar, 'steps': 3}})
 
 
 def test_cues_let_plants_grow():
@@ -456,6 +461,23 @@ def test_markers_follow_growth():
     assert sizes[0].z == pytest.approx(length)
     markers.resize(simulation.blueprint)
     assert markers.changes(simulation.poses, (1, 0)) is None
+
+
+def test_recordings_have_plants_as_they_grow(tmp_path):
+    """Record markers of present sizes, and the parts of each year in the description."""
+    simulation = planted(5, (5.0, 0.0, 0.0))
+    simulation.grow(rate=RATE, years=3)
+    with Recorder(simulation, tmp_path / 'run.mcap') as recorder:
+        for _ in range(4 * YEAR):
+            simulation.step()
+            recorder.record()
+    found = Recording(tmp_path / 'run.mcap').state_at(simulation.time)
+    messages = {message.topic: message.data for message in found}
+    text = deserialize_message(messages['/sim/scene_description'], String).data
+    assert len(json.loads(text)['parts']['mass']) == len(simulation.poses)
+    markers = deserialize_message(messages['/sim/markers'], MarkerArray).markers
+    lengths = {marker.id: marker.scale.z for marker in markers if marker.ns == 'tree'}
+    assert lengths[0] == pytest.approx(simulation.blueprint.visual_size[0, 2])
 
 
 def test_a_string_that_cannot_be_derived_stops_its_plant():

@@ -361,6 +361,8 @@ class Scene:
         key = f'{spec.name}.grammar'
         if spec.on:
             raise SceneError(f'{spec.name}.on: the houses and trees of a plan stand on the ground')
+        if spec.steps >= 0:
+            raise SceneError(f'{spec.name}.steps: only L-systems are derived in steps')
         if spec.defines or spec.count:
             raise SceneError(f'{spec.name}: {key} is a plan, which has counts and defines of its '
                              f'own; leave {spec.name}.count and {spec.name}.defines out')
