@@ -89,6 +89,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     _add_reach(parser)
     group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     _add_loads(group)
+    _add_growth(group)
     _add_time(group)
     _add_looks(group)
     for verb in group.choices.keys() - _ALONE:
@@ -154,6 +155,10 @@ def _add_loads(group) -> None:
     saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
                      help='of the blade from that point [m]')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
+
+
+def _add_growth(group) -> None:
+    """Add the verb for plants."""
     grow = group.add_parser('grow', help='let plants grow on, or stop them', epilog=(
         'What is not given is as in the last call.\n'
         'example: command grow oak --rate 0.5 --years 10'))
