@@ -104,6 +104,22 @@ def test_a_felled_tree_bends_until_it_lies():
     assert simulation.poses[:, 0].max() > 0.6 * top
 
 
+def test_a_plant_is_cut_with_what_it_has_grown():
+    """Cut a plant that grows, at half its height: no joint is left across, and it grows on."""
+    simulation = Simulation(Scene.from_parameters({
+        'scene': {'objects': ['tree']}, 'tree': {'grammar': 'garden_tree.lsys', 'steps': 6}}))
+    first = len(simulation.blueprint)
+    simulation.grow('tree', 4.0, 4)
+    simulation.step(30)
+    level = 0.5 * simulation.poses[:, 2].max()
+    above = simulation.poses[:, 2] > level
+    simulation.cut('tree', (0.0, 0.0, level), (0.0, 0.0, 1.0))
+    assert len(simulation.blueprint) > first and not joined(simulation, above)
+    simulation.step(60)
+    assert np.isfinite(simulation.poses[simulation.state.parts.owner != Owner.GONE]).all()
+    assert simulation.state.forest.active.any()
+
+
 def test_a_brick_is_cut_out_and_stays_in_its_hole():
     """Saw around a brick: it settles by a joint, and the wall stands over its hole."""
     simulation = simulate(wall(12, 12), 'wall')

@@ -45,9 +45,9 @@ _SCENE = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
               takes_effect='reload'),
     Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
-              'verbs gust, wind, impulse, launch, explode, demolish, grow; names as in gust.*, '
-              'impulse.*, projectile.*, explosion.*, demolition.*, grow.*, which hold for all '
-              'that is not said',
+              'verbs gust, wind, impulse, launch, explode, demolish, cut, grow; names as in '
+              'gust.*, impulse.*, projectile.*, explosion.*, demolition.*, cut.*, grow.*, which '
+              'hold for all that is not said',
               takes_effect='reload'),
 )
 NODE = (

@@ -35,7 +35,8 @@ def cut(model: Model, state: State, command: Cut) -> int:
 
     :raises CommandError: when the target does not exist, or there is no joint to cut.
     """
-    parts = state.names.indices([command.target])
+    grown = state.growing.plants.get(command.target)  # with what has grown since
+    parts = state.names.indices([command.target]) if grown is None else grown.all_parts()
     parts = parts[state.parts.owner[parts] != Owner.GONE]
     if not len(parts):
         raise CommandError(f'{command.target} exists no more')
