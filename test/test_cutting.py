@@ -111,7 +111,7 @@ def test_a_plant_is_cut_with_what_it_has_grown():
     first = len(simulation.blueprint)
     simulation.grow('tree', 4.0, 4)
     simulation.step(30)
-    level = 0.5 * simulation.poses[:, 2].max()
+    level = 0.5 * np.nanmax(simulation.poses[:, 2])
     above = simulation.poses[:, 2] > level
     simulation.cut('tree', (0.0, 0.0, level), (0.0, 0.0, 1.0))
     assert len(simulation.blueprint) > first and not joined(simulation, above)
