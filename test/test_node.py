@@ -204,7 +204,7 @@ def test_bad_commands_are_rejected_and_counted(client):
                     for name, some in (('wind', 3), ('impulse', 9), ('wrench', 3))),
         'rejections', *sent)
     assert count(status(), 'commands taken') == count(before, 'commands taken')
-    assert status()['last rejection'].startswith('wrench: ')
+    assert status()['last rejection'].partition(': ')[0] in ('wind', 'impulse', 'wrench')
     assert np.isfinite(array_of(client.next_message(PoseArray, '/sim/poses'))).all()
 
 
