@@ -63,7 +63,7 @@ def test_a_scene_runs_with_its_page_open(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize('words, code, says', [
-    (['gardn'], 1, 'did you mean garden?'),
+    (['gardn'], 1, 'did you mean garden'),
     (['--prot'], 2, '--prot'),
     (['fly_through_crown', '--port', '9'], 2, 'takes no arguments'),
 ])
