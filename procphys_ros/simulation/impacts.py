@@ -58,7 +58,7 @@ _LEVER = 8.0 / 27.0  # of half the length of a free bar: largest moment over for
 #                     at its end; in the middle it is 1/4
 _NODES = 60         # cells per broken piece and step, at most
 _PER_CELL = 5       # cost of judging a cell, in units of ...
-_WORK = 1000        # ... parts broken in one step, about 8 µs each; the rest follows, but is
+_WORK = 1000        # ... parts broken at once, about 8 µs each; the rest follows, but is
 #                    stopped fully before it breaks, so lumps do not wait
 _COARSE = 8         # cells per broken distant piece and step, at most
 _COARSER = 8        # size of the smallest distant pieces over that of near ones
