@@ -267,6 +267,14 @@ class Client:
         return lambda: values_of(received[-1])
 
 
+def reset_client() -> Iterator[Client]:
+    """Make a client to a node that has just been reset."""
+    client = Client()
+    assert client.trigger('reset_simulation').success
+    yield client
+    client.close()
+
+
 def values_of(array: DiagnosticArray) -> dict[str, str]:
     """Read the values of a status, and its message."""
     status = array.status[0]

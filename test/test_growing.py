@@ -304,15 +304,7 @@ def test_plants_grow_among_what_they_would_have_grown_among():
         return Simulation(Scene.from_parameters({
             'engine': 'native', 'wind': {'velocity': [0.0, 0.0, 0.0]},
             'scene': {'objects': ['wall', 'tree']},
-            'wall': {'grammar_text': """
-building wall
-  footprint: (0, 0) (4, 0)
-  facades: brickwork
-  storey_height: 2
-layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
-panel brickwork: running
-material brick { tension: 2e5  cohesion: 3e5 }
-"""},
+            'wall': {'grammar': 'garden_wall.wall'},
             'tree': {'grammar': 'garden_tree.lsys', 'steps': steps, 'count': 2, 'layout': 'row',
                      'spacing': 0.8, 'origin': [2.0, 0.5, 0.0]}}))
     simulation, direct = scene(4), scene(7)

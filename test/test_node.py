@@ -194,17 +194,21 @@ def test_bad_commands_are_rejected_and_counted(client):
     wind = client.publisher(Vector3Stamped, '/sim/wind')
     sent = [(impulse, wrench(part, 1.0))
             for part in ('elm/3', 'sapling_0/99', '', '🌳/1', 'sapling_0/brick_1', '-1')]
+    pushes = []
     for value in (math.nan, math.inf, 1e308):
         gale = Vector3Stamped()
         gale.vector.x = value
-        sent += [(wind, gale), (impulse, wrench('post/1', value)),
-                 (lasting, wrench('post/1', 0.0, value))]
-    client.send_until(
-        lambda: all(count(status(), f'rejected {name}') >= count(before, f'rejected {name}') + some
-                    for name, some in (('wind', 3), ('impulse', 9), ('wrench', 3))),
-        'rejections', *sent)
+        sent += [(wind, gale), (impulse, wrench('post/1', value))]
+        pushes.append((lasting, wrench('post/1', 0.0, value)))
+
+    def wait_for(what, **counts):
+        client.send_until(lambda: all(
+            count(status(), f'rejected {name}') >= count(before, f'rejected {name}') + some
+            for name, some in counts.items()), 'rejections', *what)
+    wait_for(sent, wind=3, impulse=9)
+    wait_for(pushes, wrench=3)  # topics keep no order among each other
     assert count(status(), 'commands taken') == count(before, 'commands taken')
-    assert status()['last rejection'].partition(': ')[0] in ('wind', 'impulse', 'wrench')
+    assert status()['last rejection'].startswith('wrench: ')
     assert np.isfinite(array_of(client.next_message(PoseArray, '/sim/poses'))).all()
 
 

@@ -18,7 +18,7 @@
 import json
 
 from geometry_msgs.msg import PoseArray
-from node_process import Client, EVEN, serve
+from node_process import EVEN, reset_client, serve
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from std_msgs.msg import String
@@ -39,10 +39,7 @@ def process(tmp_path_factory):
 @pytest.fixture
 def client():
     """Make a client to a node that has just been reset."""
-    client = Client()
-    assert client.trigger('reset_simulation').success
-    yield client
-    client.close()
+    yield from reset_client()
 
 
 def test_plants_grow_and_what_is_published_follows(client):

@@ -26,7 +26,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
 from procphys_ros.scene import Scene
-from procphys_ros.scene.strikes import Explosion, Projectile
+from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.commands import Impulse
 from procphys_ros.view.clicks import command_of, describe, Strength, Tool
@@ -209,6 +209,14 @@ def test_pushes_are_pulls_the_other_way(frame):
     np.testing.assert_allclose(push.linear, np.negative(pull.linear))
     with pytest.raises(CommandError, match='the ground'):
         used(Tool.PUSH, pick(frame, np.array([-2.0, 3.0, 5.0]), DOWN), frame, DOWN)
+
+
+def test_a_saw_cuts_the_part_that_was_clicked(frame):
+    """Saw through what holds it, and leave the ground whole."""
+    hit = pick(frame, frame.poses[middle_of_wall(frame), :3] - 3.0 * NORTH, NORTH)
+    assert used(Tool.SAW, hit, frame, NORTH) == Cut(str(hit.part))
+    with pytest.raises(CommandError, match='the ground'):
+        used(Tool.SAW, pick(frame, np.array([-2.0, 3.0, 5.0]), DOWN), frame, DOWN)
 
 
 @pytest.mark.parametrize('away', [1.05, 3.0, 1e4])

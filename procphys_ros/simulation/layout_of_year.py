@@ -146,9 +146,8 @@ def match(model: Model, state: State, name: str, growth: Growth, first: int) -> 
         parts, born = _parts(state, own, built, segments, first)
     before = own.all_parts()
     withering = np.setdiff1d(before[living(state, before)], parts)
-    year = Year(name, own, growth, built, segments, leaves, parts, born, withering, none, none,
+    return Year(name, own, growth, built, segments, leaves, parts, born, withering, none, none,
                 np.zeros(0), np.zeros(0))
-    return year
 
 
 def _parts(state: State, own: PlantState, built: Blueprint, segments: np.ndarray,
