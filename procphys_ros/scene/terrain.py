@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Terrain of a scene: settings, and heights made up from noise."""
+"""Terrain of a scene: settings, heights made up from noise, and rain that wears them."""
 
 from dataclasses import dataclass
 import math
@@ -23,6 +23,7 @@ import numpy as np
 
 from procphys_ros.elementary import cos, power, sin
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.erosion import erode, Rain, SOILS
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene.height_file import MOST_CORNERS, read_heights
 from procphys_ros.schema import check, declared
@@ -45,7 +46,10 @@ class TerrainSettings:
     :ivar noise: from the lowest to the highest point of made-up hills [m]; 0 = none.
     :ivar wavelength: of the largest hills [m].
     :ivar extent: side of the square that has hills [m].
-    :ivar seed: of the hills; -1 = from the seed of the scene.
+    :ivar seed: of the hills, and of where soil is harder; -1 = from the seed of the scene.
+    :ivar erosion: how long rain has worn the ground [h]; 0 = never.
+    :ivar rain: how fast it fell [mm/h].
+    :ivar soil: that the ground is of, one of `SOILS`.
     :ivar center: middle of the grid [m], (2,).
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
@@ -59,7 +63,12 @@ class TerrainSettings:
                             500.0)
     wavelength: float = declared(40.0, 'of the largest made-up hills', 'm', 1.0, 1e4)
     extent: float = declared(160.0, 'side of the square that has made-up hills', 'm', 4.0, 1e4)
-    seed: int = declared(-1, 'of made-up hills; -1 = from the seed of the scene', '', -1, 2**62)
+    seed: int = declared(-1, 'of made-up hills and of patches of harder soil; -1 = from the seed '
+                         'of the scene', '', -1, 2**62)
+    erosion: float = declared(0.0, 'how long rain has worn the ground, of a file or of hills; 0 = '
+                              'never', 'h', 0.0, 1e4)
+    rain: float = declared(50.0, 'how fast that rain fell', 'mm/h', 1.0, 500.0)
+    soil: str = declared('loam', 'what that ground was made of', choices=tuple(SOILS))
     center: tuple[float, ...] = declared(
         (0.0, 0.0), 'where the middle of the terrain lies', 'm', -1e6, 1e6)
 
@@ -67,6 +76,9 @@ class TerrainSettings:
         check(self, 'terrain')
         if self.file and self.noise > 0.0:
             raise SceneError('terrain: give either terrain.file or terrain.noise, not both')
+        if self.erosion > 0.0 and not self.file and self.noise == 0.0:
+            raise SceneError('terrain: terrain.erosion wears the ground of terrain.file or '
+                             'terrain.noise; give one of them')
         if self.noise > 0.0 and np.square(self.extent / self.cell + 1.0) > MOST_CORNERS:
             raise SceneError(f'terrain: terrain.extent {self.extent:g} m in cells of '
                              f'{self.cell:g} m makes more than {MOST_CORNERS} heights; make '
@@ -79,19 +91,36 @@ def make_terrain(settings: TerrainSettings, seed: int, beside: Path | None = Non
 
     :param seed: of the scene.
     :param beside: folder of the scene file, searched first; None = there is none.
-    :raises SceneError: when the file cannot be read; the message names it and what is allowed.
+    :raises SceneError: when the file cannot be read, the message names it and what is allowed; or
+        when the ground is too steep to be worn.
     """
     cell = settings.cell
+    seed = settings.seed if settings.seed >= 0 else seed
     if settings.file:
         heights, own = read_heights(settings.file, beside, settings.height)
         cell = own or cell
     elif settings.noise > 0.0:
-        heights = _hills(settings, settings.seed if settings.seed >= 0 else seed)
+        heights = _hills(settings, seed)
     else:
         return FLAT
+    if settings.erosion > 0.0:
+        heights = _worn(heights, cell, settings, seed)
     heights = np.ascontiguousarray(heights - heights.min())
     middle = 0.5 * cell * (np.array(heights.shape) - 1.0)
     return Terrain(heights, np.asarray(settings.center, float) - middle, cell)
+
+
+def _worn(heights: np.ndarray, cell: float, settings: TerrainSettings, seed: int) -> np.ndarray:
+    """Let rain wear heights [m]."""
+    soil = SOILS[settings.soil]
+    eroded = erode(heights, cell, Rain(settings.rain * 1e-3 / 3600.0, settings.erosion * 3600.0),
+                   soil, np.random.default_rng([seed, 15]))
+    if not eroded.settled:
+        raise SceneError(f'terrain: {settings.soil} stands at up to {np.degrees(soil.repose):g} '
+                         'degrees, and the ground is so much steeper that terrain.erosion moves '
+                         'too much of it; make it lower (terrain.noise, terrain.height), or '
+                         'longer (terrain.wavelength, terrain.cell)')
+    return eroded.heights
 
 
 def _hills(settings: TerrainSettings, seed: int) -> np.ndarray:

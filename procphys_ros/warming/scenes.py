@@ -38,6 +38,7 @@ from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.scene import Scene
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
+from procphys_ros.scene.terrain import make_terrain, TerrainSettings
 from procphys_ros.simulation import Simulation
 
 # Worlds import these when they are made, so that the mark of complete kernels depends on them:
@@ -135,6 +136,11 @@ def strike_twig() -> None:
 def merge_bricks() -> None:
     """Merge two bricks."""
     merge_boxes(np.eye(7)[[6, 6]], np.ones((2, 3)))
+
+
+def erode_hill() -> None:
+    """Let rain wear a hill of a few cells."""
+    make_terrain(TerrainSettings(noise=3.0, extent=4.0, erosion=1.0), 0)
 
 
 def sway() -> None:
@@ -273,5 +279,6 @@ def _shipped(name: str) -> Simulation:
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
     for scene in (step_trees, pile_up, lie_down, sway, touch_trees, strike_twig, crack_wall,
-                  merge_bricks, break_trees, grow_beside, wreck_cottage, demolish_on_hill)}
+                  merge_bricks, erode_hill, break_trees, grow_beside, wreck_cottage,
+                  demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""
