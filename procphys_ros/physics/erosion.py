@@ -115,6 +115,7 @@ def erode(heights: np.ndarray, edge: float, rain: Rain, soil: Soil,
     ground = np.array(heights, float, order='C')
     shares = corner_shares(ground.shape)
     steep, stop = (tan(float(soil.repose - less)) * edge for less in (0.0, _STOP))
+    bends = 2.0 - rng.random(ground.shape)
     softness = 1.0 + rng.uniform(-_PATCHES, _PATCHES, ground.shape)
     # Streams of cells: the edge of a cell in their width and in their slope cancels out.
     wear = soil.erodibility * _WATER / _WIDENING * rain.time / STEPS * np.sqrt(rain.rate)
@@ -123,7 +124,7 @@ def erode(heights: np.ndarray, edge: float, rain: Rain, soil: Soil,
     for _ in range(STEPS if wear > 0.0 else 0):
         if left < 0:
             break
-        drainage = drain(ground)
+        drainage = drain(ground, bends)
         area = drained(drainage, shares)
         gone += _flow(ground, drainage, area, shares, wear * softness, soil.settling)
         left = _slide(ground, shares, steep, stop, left)
@@ -191,16 +192,20 @@ def _pop(level, cell, size):
 
 
 @kernel
-def drain(heights):
+def drain(heights, bends):
     """
     Find where water runs: down the steepest of eight ways, through lakes to their outlets.
 
     Levels rise from the edge of the grid inwards (Barnes, Lehman & Mulla 2014, priority-flood).
 
     :param heights: [m], (X, Y).
+    :param bends: random lengths of diagonal ways, over the edge of a cell, by which the slopes of
+        ways are compared (Rho8, Fairfield & Leymarie 1991): streams follow slopes that lie between
+        two of the eight directions [-], (X, Y).
     """
     columns, rows = heights.shape
     count = columns * rows
+    bend = bends.reshape(count)
     ground = heights.reshape(count)
     order, receiver = np.empty(count, np.int64), np.arange(count)
     way, surface = np.zeros(count), np.full(count, np.inf)
@@ -225,9 +230,10 @@ def drain(heights):
                 surface[d] = max(ground[d], surface[c])
                 receiver[d], way[d] = c, far
                 size = _push(level, cell, size, surface[d], d)
-            elif not at_edge and (surface[c] - surface[d]) / far > best:
-                best = (surface[c] - surface[d]) / far
-                receiver[c], way[c] = d, far
+            elif not at_edge:
+                slope = (surface[c] - surface[d]) / (bend[c] if di * dj else 1.0)
+                if slope > best:
+                    best, receiver[c], way[c] = slope, d, far
     return Drainage(order, receiver, way, surface)
 
 
