@@ -196,45 +196,112 @@ def drain(heights, bends):
     """
     Find where water runs: down the steepest of eight ways, through lakes to their outlets.
 
-    Levels rise from the edge of the grid inwards (Barnes, Lehman & Mulla 2014, priority-flood).
-
     :param heights: [m], (X, Y).
     :param bends: random lengths of diagonal ways, over the edge of a cell, by which the slopes of
         ways are compared (Rho8, Fairfield & Leymarie 1991): streams follow slopes that lie between
         two of the eight directions [-], (X, Y).
     """
     columns, rows = heights.shape
+    bend = bends.reshape(-1)
+    surface, receiver = _flood(heights)
+    way = np.zeros(len(receiver))
+    for c in range(len(receiver)):
+        if receiver[c] == c:
+            continue
+        i, j = c // rows, c % rows
+        best, to = 0.0, receiver[c]  # on level water back to where the flood came from
+        for di, dj in _ROUND:  # not at the edge of the grid, so all are there
+            d = (i + di) * rows + j + dj
+            slope = (surface[c] - surface[d]) / (bend[c] if di * dj else 1.0)
+            if slope > best:
+                best, to = slope, d
+        receiver[c] = to
+        way[c] = _ROOT_2 if to // rows != i and to % rows != j else 1.0
+    return Drainage(_ordered(receiver), receiver, way, surface)
+
+
+@subroutine
+def _flood(heights):
+    """
+    Raise water from the edge of the grid inwards, until lakes flow over.
+
+    Priority-flood, with a queue up slopes and through lakes, and a heap only for what may be a
+    sill (Zhou, Sun & Fu 2016).
+
+    :returns: level of the water, the ground where that is dry [m], and the corner from which it
+        has come, at the edge itself; (N,).
+    """
+    columns, rows = heights.shape
     count = columns * rows
-    bend = bends.reshape(count)
     ground = heights.reshape(count)
-    order, receiver = np.empty(count, np.int64), np.arange(count)
-    way, surface = np.zeros(count), np.full(count, np.inf)
+    surface, source = np.full(count, np.inf), np.arange(count)
     level, cell, size = np.empty(count), np.empty(count, np.int64), 0
+    queue = np.empty(count, np.int64)
     for c in range(count):
         if c // rows in (0, columns - 1) or c % rows in (0, rows - 1):
             surface[c] = ground[c]
             size = _push(level, cell, size, ground[c], c)
-    for n in range(count):
+    while size > 0:
         size = _pop(level, cell, size)
-        c = cell[size]
-        order[n] = c
+        queue[0] = cell[size]
+        size = _spread(heights, surface, source, queue, level, cell, size)
+    return surface, source
+
+
+@subroutine
+def _spread(heights, surface, source, queue, level, cell, size):
+    """
+    Raise water from the lowest of all sills: through the lake that it fills, and up slopes.
+
+    :param queue: the sill, and room for all.
+    :param level, cell, size: heap of other sills.
+    :returns: size of the heap.
+    """
+    columns, rows = heights.shape
+    ground = heights.reshape(columns * rows)
+    first, last = 0, 1
+    while first < last:
+        c = queue[first]
+        fills = first == 0 or surface[c] > ground[c]
+        first += 1
         i, j = c // rows, c % rows
-        at_edge = i in (0, columns - 1) or j in (0, rows - 1)
-        best = 0.0
+        is_sill = False
         for di, dj in _ROUND:
             x, y = i + di, j + dj
-            if not (0 <= x < columns and 0 <= y < rows):
+            if not (0 <= x < columns and 0 <= y < rows) or surface[x * rows + y] < np.inf:
                 continue
-            d, far = x * rows + y, _ROOT_2 if di * dj else 1.0
-            if surface[d] == np.inf:
-                surface[d] = max(ground[d], surface[c])
-                receiver[d], way[d] = c, far
-                size = _push(level, cell, size, surface[d], d)
-            elif not at_edge:
-                slope = (surface[c] - surface[d]) / (bend[c] if di * dj else 1.0)
-                if slope > best:
-                    best, receiver[c], way[c] = slope, d, far
-    return Drainage(order, receiver, way, surface)
+            d = x * rows + y
+            if ground[d] < surface[c] and not fills:
+                is_sill = True  # water stands there at a level that is not known yet
+                continue
+            surface[d], source[d] = max(ground[d], surface[c]), c
+            queue[last] = d
+            last += 1
+        if is_sill:
+            size = _push(level, cell, size, surface[c], c)
+    return size
+
+
+@subroutine
+def _ordered(receiver):
+    """Order corners so that each is behind the one that it drains to, (N,)."""
+    count = len(receiver)
+    order, size = np.empty(count, np.int64), 0
+    first, following = np.full(count, -1), np.full(count, -1)  # of what drains to a corner
+    for c in range(count):
+        r = receiver[c]
+        if r == c:
+            order[size] = c
+            size += 1
+        else:
+            following[c], first[r] = first[r], c
+    for n in range(count):
+        c = first[order[n]]
+        while c >= 0:
+            order[size] = c
+            size += 1
+            c = following[c]
+    return order
 
 
 @kernel
