@@ -23,7 +23,7 @@ from results import Figure, Section
 
 INTRODUCTIONS = {
     'laws': ('Laws', 'Closed forms of mechanics: beams, poles, falls, joints, walls and arches.'),
-    'nature': ('Nature', 'Published measurements and standards: wind, trees, explosions, streams.'),
+    'nature': ('Nature', 'Published measurements and standards: wind, trees, blasts, streams.'),
     'flaws': ('Flaws', 'What Baxter et al. (2010) list as flaws of their animations, as '
               '[measures](../flaws.md). The baseline is their way, rebuilt: a joint of the engine '
               'per bond.'),
