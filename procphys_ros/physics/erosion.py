@@ -110,7 +110,7 @@ def erode(heights: np.ndarray, edge: float, rain: Rain, soil: Soil,
 
     :param heights: [m], (X, Y), 2 or more each.
     :param edge: of a cell [m].
-    :param rng: which corners have harder soil.
+    :param rng: which corners have harder soil, and how diagonals compare there.
     """
     ground = np.array(heights, float, order='C')
     shares = corner_shares(ground.shape)
