@@ -45,7 +45,7 @@ LAYERS = {
     'physics.impact': 3, 'physics.skyline': 3, 'wallgrammar': 4,
     'physics': 4, 'physics.wind': 4, 'physics.trees': 4, 'physics.masonry': 4,
     'physics.loads': 4, 'physics.dust': 4, 'physics.foliage': 4, 'physics.touch': 4,
-    'physics.rigid': 4, 'physics.lidar': 4, 'environment': 4.5, 'lsystem': 4.6,
+    'physics.rigid': 4, 'physics.lidar': 4, 'environment': 4.5, 'mechanism': 4.5, 'lsystem': 4.6,
     'scans': 4.6,
     'physics.world': 5, 'scene': 6, 'simulation': 7,
     'messages': 8, 'command_line': 8, 'render': 9, 'export': 10, 'recording': 10,

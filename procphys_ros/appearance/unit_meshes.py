@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.appearance import mesh, texture
 from procphys_ros.geometry.hexahedron import FACES
+from procphys_ros.geometry.linear import norm, product
 
 # Corners of a leaf: position along it, side of its midrib, half width there, brightness. Its
 # outline is that of the images, sin(pi t^0.8).
@@ -32,6 +33,7 @@ _BLADE_FACES = np.array([[0, 2, 1], [0, 3, 2], [1, 2, 5], [1, 5, 4], [2, 3, 6], 
                          [4, 5, 7], [5, 6, 7]])
 _FOLD, _DROOP = 0.3, 0.2  # rise of the edges over the half width, fall of the tip over the length
 _BALL = (32, 16)  # columns and rows of a ball
+_GOLDEN = 0.5 * (1.0 + np.sqrt(5.0))
 
 
 class Kind(Enum):
@@ -132,3 +134,22 @@ def _spray(pattern: str) -> _Mesh:
 
 def _triangle() -> _Mesh:
     return np.zeros((3, 1)), '1f', ('in_nothing',), np.array([[0, 1, 2]])
+
+
+@cache
+def round_skin() -> np.ndarray:
+    """Return a unit sphere as 80 triangles, an icosahedron refined once, (80, 9)."""
+    corners = np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)])
+    corners = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)])
+    faces = [(a, b, c) for a in range(12) for b in range(a + 1, 12) for c in range(b + 1, 12)
+             if max(norm(corners[i] - corners[j])
+                    for i, j in ((a, b), (b, c), (a, c))) < 2.01]
+    out = []
+    for face in faces:
+        p = corners[list(face)]
+        if product(np.cross(p[1] - p[0], p[2] - p[0]), p[0]) < 0.0:
+            p = p[::-1]
+        m = 0.5 * (p + np.roll(p, -1, axis=0))
+        out += [(p[0], m[0], m[2]), (m[0], p[1], m[1]), (m[2], m[1], p[2]), tuple(m)]
+    points = np.array(out)
+    return (points / norm(points, axis=2, keepdims=True)).reshape(-1, 9)

@@ -20,6 +20,7 @@ pieces of one brick.
 """
 
 from procphys_ros.blueprint.blueprint import (
+    BALLS,
     Blueprint,
     box_inertia,
     chain,
@@ -27,14 +28,18 @@ from procphys_ros.blueprint.blueprint import (
     GROUND,
     Hexahedra,
     Hinges,
+    Joints,
+    JointType,
     Law,
     Leaves,
     Mortar,
     Ornaments,
+    Plates,
     Shape,
 )
 
 __all__ = [
+    'BALLS',
     'Blueprint',
     'box_inertia',
     'chain',
@@ -42,9 +47,12 @@ __all__ = [
     'GROUND',
     'Hexahedra',
     'Hinges',
+    'Joints',
+    'JointType',
     'Law',
     'Leaves',
     'Mortar',
     'Ornaments',
+    'Plates',
     'Shape',
 ]

@@ -30,6 +30,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 GROUND = -1  # stands in `Blueprint.bonds` for the ground
+BALLS = ('projectile', 'ball')  # kinds of parts that are balls
 
 
 class Shape(IntEnum):
@@ -44,6 +45,16 @@ class Law(IntEnum):
 
     HINGE = 0   # elastic branch joint, row of `Blueprint.hinges`
     MORTAR = 1  # rigid until it breaks, row of `Blueprint.mortar`
+
+
+class JointType(IntEnum):
+    """Degrees of freedom that a joint of a mechanism fixes; numbered as the engine's."""
+
+    WELD = 1    # all
+    HINGE = 2   # all but rotation about the axis
+    SLIDER = 3  # all but translation along the axis
+    BALL = 4    # translation
+    ROPE = 5    # distances beyond its length
 
 
 @dataclass(frozen=True)
@@ -217,6 +228,65 @@ class Hexahedra(_Table):
 
 
 @dataclass(frozen=True)
+class Joints(_Table):
+    """
+    Joints between the loose parts of mechanisms, a row each; they are no bonds.
+
+    Displacements are those of the second part against the first, along the axis [m] or about it
+    [rad], 0 at rest; of a rope, its length.
+
+    :ivar kind: `JointType`, (J,) uint8.
+    :ivar parts: pairs of parts, (J, 2) int32; `GROUND` (-1) may stand first.
+    :ivar frame: on the second part, in the frame of `Blueprint.poses`, x along the axis, (J, 7).
+    :ivar anchor: the same point on the first part, in this frame [m], (J, 3); only ropes span a
+        distance.
+    :ivar low, high: least and greatest displacement [m], [rad], (J,); of ropes the second one.
+    :ivar stiffness: of a spring [N/m], [N·m/rad], (J,).
+    :ivar damping: [N·s/m], [N·m·s/rad], (J,).
+    :ivar rest: displacement at which the spring is slack [m], [rad], (J,).
+    :ivar friction: force or moment that friction bears [N], [N·m], (J,).
+    :ivar speed: of a motor [m/s], [rad/s], (J,).
+    :ivar effort: greatest force or moment of the motor [N], [N·m], (J,); 0 = it has none.
+    :ivar force: that breaks the joint [N], (J,); inf = never.
+    :ivar moment: that breaks the joint, about its point [N·m], (J,); inf = never.
+    :ivar collides: whether the two parts collide, (J,) bool.
+    :ivar name: index into `Blueprint.joint_names`, (J,) int32.
+    """
+
+    kind: np.ndarray = _column(np.uint8)
+    parts: np.ndarray = _column(np.int32, 2)
+    frame: np.ndarray = _column(float, 7)
+    anchor: np.ndarray = _column(float, 3)
+    low: np.ndarray = _column()
+    high: np.ndarray = _column()
+    stiffness: np.ndarray = _column()
+    damping: np.ndarray = _column()
+    rest: np.ndarray = _column()
+    friction: np.ndarray = _column()
+    speed: np.ndarray = _column()
+    effort: np.ndarray = _column()
+    force: np.ndarray = _column()
+    moment: np.ndarray = _column()
+    collides: np.ndarray = _column(bool)
+    name: np.ndarray = _column(np.int32)
+
+
+@dataclass(frozen=True)
+class Plates(_Table):
+    """
+    Flat parts that take the wind by its component along their normal.
+
+    :ivar part: ascending, (P,) int.
+    :ivar normal: axis of the part's frame, 0 to 2, (P,) uint8.
+    :ivar area: that takes the wind [m²], (P,).
+    """
+
+    part: np.ndarray = _column(np.int32)
+    normal: np.ndarray = _column(np.uint8)
+    area: np.ndarray = _column()
+
+
+@dataclass(frozen=True)
 class Blueprint:
     """
     Parts and bonds of one or many objects, at rest.
@@ -245,7 +315,9 @@ class Blueprint:
     :ivar leaves: leaves fixed to parts.
     :ivar ornaments: triangles drawn with parts.
     :ivar hexahedra: corners of boxes that are not rectangular.
-    :ivar kinds, materials, textures: names that the index columns refer to.
+    :ivar joints: between the parts of mechanisms.
+    :ivar plates: flat parts of mechanisms.
+    :ivar kinds, materials, textures, joint_names: names that the index columns refer to.
     """
 
     shape: np.ndarray = _column(np.uint8)
@@ -269,9 +341,12 @@ class Blueprint:
     leaves: Leaves = field(default_factory=Leaves)
     ornaments: Ornaments = field(default_factory=Ornaments)
     hexahedra: Hexahedra = field(default_factory=Hexahedra)
+    joints: Joints = field(default_factory=Joints)
+    plates: Plates = field(default_factory=Plates)
     kinds: tuple[str, ...] = ()
     materials: tuple[str, ...] = ()
     textures: tuple[str, ...] = ()
+    joint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         for name in _PART_COLUMNS:
@@ -292,9 +367,9 @@ class Blueprint:
 
     @property
     def balls(self) -> np.ndarray:
-        """Mark launched balls, capsules as long as wide, (N,) bool."""
-        launched = np.array([kind == 'projectile' for kind in self.kinds] or [False])
-        return launched[self.kind] & (self.shape == Shape.CAPSULE)
+        """Mark balls, capsules as long as wide, (N,) bool."""
+        round_ = np.array([kind in BALLS for kind in self.kinds] or [False])
+        return round_[self.kind] & (self.shape == Shape.CAPSULE)
 
     def solid_size(self, parts: np.ndarray) -> np.ndarray:
         """
@@ -318,7 +393,8 @@ class Blueprint:
         :param yaw: turn about the vertical [rad].
         """
         frame = np.concatenate([np.asarray(position, float), rotation.from_yaw(yaw)])
-        return replace(self, poses=rotation.compose(frame, self.poses),
+        joints = replace(self.joints, frame=rotation.compose(frame, self.joints.frame))
+        return replace(self, poses=rotation.compose(frame, self.poses), joints=joints,
                        bond_frame=rotation.compose(frame, self.bond_frame))
 
 
@@ -363,19 +439,26 @@ def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
     for name in ('shape', *_PART_COLUMNS, *_BOND_COLUMNS):
         columns[name] = np.concatenate([getattr(b, name) for b in blueprints])
     starts = np.cumsum([0] + [len(b) for b in blueprints[:-1]])
-    columns['bonds'] = np.concatenate([
-        np.where(b.bonds == GROUND, GROUND, b.bonds + start).astype(np.int32)
-        for b, start in zip(blueprints, starts)])
+    columns['bonds'] = _renumbered([b.bonds for b in blueprints], starts)
     for name, table in (('hinges', Hinges), ('mortar', Mortar), ('leaves', Leaves),
-                        ('ornaments', Ornaments), ('hexahedra', Hexahedra)):
+                        ('ornaments', Ornaments), ('hexahedra', Hexahedra), ('joints', Joints),
+                        ('plates', Plates)):
         columns[name] = table(**{
             f.name: np.concatenate([getattr(getattr(b, name), f.name) for b in blueprints])
             for f in fields(table)})
-    for name in ('leaves', 'ornaments', 'hexahedra'):
+    columns['joints'] = replace(columns['joints'], parts=_renumbered(
+        [b.joints.parts for b in blueprints], starts))
+    for name in ('leaves', 'ornaments', 'hexahedra', 'plates'):
         part = np.concatenate([getattr(b, name).part + start
                                for b, start in zip(blueprints, starts)]).astype(np.int32)
         columns[name] = replace(columns[name], part=part)
     return Blueprint(**_merge_names(blueprints, columns))
+
+
+def _renumbered(pairs: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
+    """Add the number of its first part to the pairs of parts of each blueprint, (K, 2)."""
+    return np.concatenate([np.where(own == GROUND, GROUND, own + start).astype(np.int32)
+                           for own, start in zip(pairs, starts)])
 
 
 def _merge_names(blueprints: Sequence[Blueprint], columns: dict) -> dict:
@@ -394,4 +477,11 @@ def _merge_names(blueprints: Sequence[Blueprint], columns: dict) -> dict:
                 texture = np.concatenate([m[getattr(b, table).texture]
                                           for m, b in zip(maps, blueprints)])
                 columns[table] = replace(columns[table], texture=texture)
-    return columns
+    return columns | _merge_joint_names(blueprints, columns['joints'])
+
+
+def _merge_joint_names(blueprints: Sequence[Blueprint], joints: Joints) -> dict:
+    common = tuple(dict.fromkeys(n for b in blueprints for n in b.joint_names))
+    lookup = {name: i for i, name in enumerate(common)}
+    number = [lookup[b.joint_names[i]] for b in blueprints for i in b.joints.name.tolist()]
+    return {'joint_names': common, 'joints': replace(joints, name=np.array(number, np.int32))}

@@ -26,7 +26,7 @@ from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import read_text, shorten
 from procphys_ros.schema import short
 
-_GRAMMARS = ('.lsys', '.wall')
+_GRAMMARS = ('.lsys', '.wall', '.mech')
 MOST_INCLUDES = 32  # files that one grammar may include, directly or indirectly
 
 
@@ -69,7 +69,7 @@ def read_include(name: str, folder: Path | None, place: Place,
             continue
         if found.suffix not in _GRAMMARS and not found.is_dir():
             raise place.error(f'"{shorten(name)}" cannot be included: grammars end in '
-                              f'{" or ".join(_GRAMMARS)}')
+                              f'{", ".join(_GRAMMARS)}')
         if found in seen:
             return None
         if len(seen) >= MOST_INCLUDES:

@@ -20,8 +20,8 @@ from enum import IntEnum
 class Cause(IntEnum):
     """Cause of the failure of a bond."""
 
-    FORCE = 0        # transmitted force above the limit of a branch's joint
-    TWIST = 1        # twisting moment above the limit of a branch's joint
+    FORCE = 0        # transmitted force above the limit of a branch's or a mechanism's joint
+    TWIST = 1        # twisting moment above the limit of a branch's joint, any of a mechanism's
     BENDING = 2      # bending stress above the strength of the wood
     TENSION = 3      # mortar pulled apart, or part of a mechanism without equilibrium
     SHEAR = 4        # mortar sheared off

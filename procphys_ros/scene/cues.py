@@ -22,6 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust, MeanWind
+from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import check, declared
@@ -54,7 +55,7 @@ _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
     'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
     'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
     'demolish': ('demolition', Demolition), 'cut': ('cut', Cut),
-    'grow': ('grow', Grow)}
+    'grow': ('grow', Grow), 'joint': ('', DriveJoint)}
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class Cue:
 
     :ivar time: simulated [s].
     :ivar text: as written in the scene.
-    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition`, `Cut`
-        or `Grow`.
+    :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition`, `Cut`,
+        `Grow` or `DriveJoint`.
     """
 
     time: float

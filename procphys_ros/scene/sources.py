@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Find grammars, tell the two languages apart, and build blueprints from them."""
+"""Find grammars, tell the languages apart, and build blueprints from them."""
 
 import os
 from pathlib import Path
@@ -27,17 +27,21 @@ from procphys_ros.language import check_length, shorten
 from procphys_ros.lsystem import LSystem
 
 if TYPE_CHECKING:
+    from procphys_ros.mechanism import MechanismGrammar
     from procphys_ros.scans import ScannedTree
     from procphys_ros.wallgrammar import WallGrammar
 
-_LSYSTEM, _WALL, PLAN = '.lsys', '.wall', '.plan'
+    Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar] | type[ScannedTree]
+
+_LSYSTEM, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
 SCANS = ('.csv', '.mtg', '.ply')  # of trees
-GRAMMARS = (_LSYSTEM, _WALL, *SCANS)
+GRAMMARS = (_LSYSTEM, _WALL, _MECHANISM, *SCANS)
+_WORDS = {'building': _WALL, 'mechanism': _MECHANISM}  # that begin texts of these languages
 _PACKAGE = 'package://procphys_ros/'
 
 
 class Grammar(Protocol):
-    """Common interface of parsed grammars of both languages, and of scanned trees."""
+    """Common interface of parsed grammars of all languages, and of scanned trees."""
 
     def build(self, seed: int = 0, **defines: float) -> Blueprint: ...
 
@@ -59,22 +63,23 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
 
 
 def _language_of(name: str, key: str,
-                 path: Path) -> 'type[LSystem] | type[WallGrammar] | type[ScannedTree]':
+                 path: Path) -> 'Language':
     if path.suffix == PLAN:
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
     if path.suffix in SCANS:
         from procphys_ros.scans import ScannedTree
         return ScannedTree
-    if path.suffix not in (_LSYSTEM, _WALL):
+    if path.suffix not in (_LSYSTEM, _WALL, _MECHANISM):
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; grammars end in '
-                         f'{_LSYSTEM} or {_WALL}, scanned trees in {", ".join(SCANS)}')
-    return _language(path.suffix == _WALL)
+                         f'{_LSYSTEM}, {_WALL} or {_MECHANISM}, scanned trees in '
+                         f'{", ".join(SCANS)}')
+    return _language(path.suffix)
 
 
 def parse_grammar(text: str, key: str) -> Grammar:
     """
-    Read a grammar given as text; a wall grammar is known by its `building` line.
+    Read a grammar given as text; `building` and `mechanism` lines tell it from an L-system.
 
     :param text: the grammar itself.
     :param key: parameter that holds the text; errors name it as their source.
@@ -82,16 +87,19 @@ def parse_grammar(text: str, key: str) -> Grammar:
     """
     check_length(text, key)
     words = (line.split('#')[0].split() for line in text.splitlines())
-    is_wall = any(word and word[0] == 'building' for word in words)
+    found = (_WORDS[word[0]] for word in words if word and word[0] in _WORDS)
     bare = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
     with named_by(key, text):
-        return _language(is_wall).parse(bare, source=key)
+        return _language(next(found, _LSYSTEM)).parse(bare, source=key)
 
 
-def _language(is_wall: bool) -> 'type[LSystem] | type[WallGrammar]':
-    """Choose a language; that of walls, a tenth of all imports, is imported only on demand."""
-    if not is_wall:
+def _language(suffix: str) -> 'Language':
+    """Choose a language; all but the first take a tenth of all imports: only on demand."""
+    if suffix == _LSYSTEM:
         return LSystem
+    if suffix == _MECHANISM:
+        from procphys_ros.mechanism import MechanismGrammar
+        return MechanismGrammar
     from procphys_ros.wallgrammar import WallGrammar
     return WallGrammar
 
@@ -121,7 +129,7 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
     if refused and Path(name).name != name:  # a mere name is more likely misspelt
         raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {refused}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
-                   if p.suffix in (_LSYSTEM, _WALL, PLAN))
+                   if p.suffix in (_LSYSTEM, _WALL, _MECHANISM, PLAN))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
 

@@ -30,7 +30,14 @@ from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory, check_addition
 from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.scene import check_place
-from procphys_ros.simulation import at_rest, breaking, fragments, load_checks, masonry
+from procphys_ros.simulation import (
+    at_rest,
+    breaking,
+    fragments,
+    load_checks,
+    masonry,
+    mechanisms,
+)
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model
 from procphys_ros.simulation.obstacles import find_shelter
@@ -59,6 +66,7 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
         check_addition(name, len(blueprint), available_memory())
         placed = stand_on(model.terrain, unbonded(blueprint.placed(position, yaw), position[2]),
                           name)
+        mechanisms.check_engine(name, placed, state.world)
     except SceneError as error:
         raise CommandError(str(error)) from None
     added = SceneObject(name, len(state.parts), len(placed))
@@ -160,6 +168,7 @@ def extend(before: Model, model: Model, state: State, settled: StressSolver) -> 
     for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
         fragments.make_body(model, state, np.array([part]), source.poses[[part]],
                             np.zeros((1, 6)))
+    mechanisms.connect(model, state, len(state.mechanisms.joint))
 
 
 def _shelter(model: Model, state: State) -> Shelter:

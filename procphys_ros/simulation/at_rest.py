@@ -18,7 +18,7 @@ import numpy as np
 
 from procphys_ros.physics.trees import anchors, Forest
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.simulation import contact, fragments, masonry
+from procphys_ros.simulation import contact, fragments, masonry, mechanisms
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -105,6 +105,7 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
     for part in np.flatnonzero(state.parts.owner == Owner.BODY):
         fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
                             np.zeros((1, 6)))
+    mechanisms.connect(model, state)
     lean(model, state)
     load_climbed_walls(model, state)
     state.loads.apply(state.solver, 0.0)

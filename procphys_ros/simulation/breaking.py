@@ -28,7 +28,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
-from procphys_ros.simulation import fragments
+from procphys_ros.simulation import contact_exclusions, fragments
 from procphys_ros.simulation.events import NO_BOND
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -122,6 +122,24 @@ def break_holds(model: Model, state: State, holds: np.ndarray, load: np.ndarray,
     pairs = np.column_stack([climbers.anchors.host, climbers.anchors.part])[holds]
     state.log.record(state.time, state.forest.poses[climbers.row[holds], :3],
                      np.full(len(pairs), NO_BOND), pairs, Cause.PULLED_OFF, load[told])
+
+
+def break_joints(model: Model, state: State, rows: np.ndarray, causes: np.ndarray) -> None:
+    """
+    Record joints of mechanisms that the engine has broken, and remove them from the world.
+
+    :param rows: of `Blueprint.joints`, (K,).
+    :param causes: (K,).
+    """
+    joints, own = model.blueprint.joints, state.mechanisms
+    pairs, ids = joints.parts[rows], own.joint[rows]
+    engine = state.world.joints.of(ids)
+    place = rotation.compose(state.world.poses(engine.first), engine.frame)
+    state.world.part(ids)
+    own.joint[rows] = -1
+    contact_exclusions.add_parted(state, pairs[(pairs != GROUND).all(axis=1)])
+    state.log.record(state.time, place[:, :3], np.full(len(rows), NO_BOND), pairs, causes,
+                     np.ones(len(rows)))
 
 
 def cut_out(model: Model, state: State, parts: np.ndarray, cause: Cause | None,

@@ -31,6 +31,7 @@ from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
@@ -42,6 +43,7 @@ from procphys_ros.simulation import (
     growth,
     intruder,
     masonry,
+    mechanisms,
     projectiles,
 )
 from procphys_ros.simulation.model import Model
@@ -259,7 +261,7 @@ def apply(model: Model, state: State, command: Any) -> Any:
     Execute a command; writes the state that it concerns.
 
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`,
-        `Demolition`, `Cut` or `Grow`.
+        `Demolition`, `Cut`, `Grow` or `DriveJoint`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
         `Projectile`: its part; a `Demolition`: the number of charges; a `Cut`: the number of
         joints; `ClearWrenches`: the number of wrenches; `Grow`: the number of plants; all
@@ -387,6 +389,7 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
     Cut: cutting.cut, SetBodyState: _set_body_state, PlaceIntruder: _place_intruder,
     SetThrust: _set_thrust, Observe: _observe, Grow: growth.command,
+    DriveJoint: mechanisms.command,
 }
 
 

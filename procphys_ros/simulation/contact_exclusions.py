@@ -24,6 +24,8 @@ Segments and rigid bodies are excluded in pairs, see `colliders`: a body takes p
 parts, since engines exclude whole bodies, and a pair is kept as long as any of them overlap.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from procphys_ros.blueprint import Shape
@@ -156,6 +158,23 @@ def add_split(state: State, pieces: list[np.ndarray]) -> None:
             continue
         found = _overlapping(state, np.repeat(own, len(others)), np.tile(others, len(own)))
         state.excluded = np.concatenate([state.excluded, found])
+
+
+def add_mechanisms(state: State, groups: Sequence[np.ndarray]) -> None:
+    """
+    Exclude the overlaps of parts of the same mechanism from contact.
+
+    :param groups: parts of each mechanism, (P,).
+    """
+    for parts in groups:
+        one, other = np.triu_indices(len(parts), 1)
+        add_parted(state, np.column_stack([parts[one], parts[other]]))
+
+
+def add_parted(state: State, pairs: np.ndarray) -> None:
+    """Exclude pairs of parts from contact that overlap, (K, 2)."""
+    found = _overlapping(state, pairs[:, 0].astype(np.intp), pairs[:, 1].astype(np.intp))
+    state.excluded = np.concatenate([state.excluded, found])
 
 
 def colliders(state: State, parts: np.ndarray) -> np.ndarray:

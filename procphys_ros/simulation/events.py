@@ -20,7 +20,7 @@ import numpy as np
 EVENT = np.dtype([
     ('time', 'f8'),           # simulation time [s]
     ('position', 'f8', 3),    # contact point, world frame [m]
-    ('bond', 'i4'),           # row in Blueprint.bonds, -1 for an anchor of a climbing plant
+    ('bond', 'i4'),           # row in Blueprint.bonds, -1 for an anchor or a mechanism's joint
     ('part_a', 'i4'),         # first part of the bond, -1 for the ground
     ('part_b', 'i4'),         # second part
     ('cause', 'u1'),          # `physics.causes.Cause`
@@ -28,7 +28,7 @@ EVENT = np.dtype([
     ('crack', 'u1'),          # 1 = it still transmits pressure and friction, 0 = it is gone
 ])
 
-NO_BOND = -1  # marks events of an anchor of a climbing plant, which is not a bond
+NO_BOND = -1  # marks events of an anchor of a climbing plant, or of a joint of a mechanism
 _CAPACITY = 200_000  # rows kept when nobody takes them; the oldest are dropped and counted
 
 

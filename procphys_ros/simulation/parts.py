@@ -268,4 +268,5 @@ def drag_area(blueprint: Blueprint) -> np.ndarray:
     box = box_drag(x, y, z)
     rod = CYLINDER_DRAG * _SIDE_MEAN * 0.5 * (x + y) * z
     solid = np.where(blueprint.shape == Shape.BOX, box, rod)
+    solid[blueprint.plates.part] = 0.0  # see `mechanisms.press_plates`
     return solid + FOLIAGE_DRAG * blueprint.leaf_area

@@ -36,10 +36,11 @@ from procphys_ros.scene.capacity import available_memory
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.schema import short
-from procphys_ros.simulation import intruder, particles
+from procphys_ros.simulation import intruder, mechanisms, particles
 from procphys_ros.simulation.commands import checked_count
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
+from procphys_ros.simulation.mechanisms import JointReadings
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner, PartNames
 from procphys_ros.simulation.state import State
@@ -361,6 +362,13 @@ class Readings:
     def wrench_on_intruder(self, name: str) -> np.ndarray:
         """Return force and moment on an intruder [N], [N·m], world, smoothed, (6,)."""
         return _value(intruder.named(self.state, name).smooth_wrench)
+
+    @property
+    def joints(self) -> JointReadings:
+        """Positions, velocities and efforts of the hinges, sliders and ropes of mechanisms."""
+        found = mechanisms.read_joints(self.model, self.state)
+        return JointReadings(found.names, *(_value(column) for column in (
+            found.position, found.velocity, found.effort)))
 
     def load(self, part: int | str) -> PartLoad:
         """

@@ -26,6 +26,7 @@ from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
+from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
@@ -34,6 +35,7 @@ from procphys_ros.simulation import (
     commands,
     growth,
     load_checks,
+    mechanisms,
     readings,
     snapshot,
 )
@@ -74,7 +76,8 @@ class Simulation(Readings):
             raise SceneError(f'{short(scene)} is no scene; Scene.from_yaml reads one, '
                              'and Scene.add places what a grammar builds')
         given: dict[str, Any] = {'time_step': time_step, 'seed': seed, 'engine': engine}
-        settings = replace(scene.settings, **{k: v for k, v in given.items() if v is not None})
+        settings = mechanisms.settings_for(replace(scene.settings, **{
+            k: v for k, v in given.items() if v is not None}), scene.blueprint)
         self.scene = scene
         self.timings: dict[str, float] = {}
         self.stages = STAGES
@@ -414,3 +417,15 @@ class Simulation(Readings):
         :raises CommandError: if a value is out of range, or there is no such intruder.
         """
         self.apply(commands.SetThrust(thrust, name, radius))
+
+    def drive_joint(self, joint: str, mode: str, value: float) -> None:
+        """
+        Drive a joint of a mechanism from now on, by its motor.
+
+        :param joint: its name, `<object>/<joint>`.
+        :param mode: 'position', 'velocity' or 'effort'.
+        :param value: [m] or [rad], [m/s] or [rad/s], [N] or [N·m]; an effort of 0 = motor off.
+        :raises CommandError: if there is no such joint, it has broken or has no motor, or a value
+            is out of range.
+        """
+        self.apply(DriveJoint(joint, mode, value))

@@ -15,15 +15,13 @@
 
 """Parts that join a scene while it runs: projectiles, shards, broken bricks."""
 
-from functools import cache
-
 import numpy as np
 
+from procphys_ros.appearance.unit_meshes import round_skin
 from procphys_ros.blueprint import Blueprint, Hexahedra, Ornaments, Shape
 from procphys_ros.elementary import power
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import solids, volumes
-from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.world import solid_inertia
 from procphys_ros.scene.strikes import Projectile
 
@@ -33,7 +31,6 @@ _CORE = 0.55  # of a ball's diameter, edge of the box drawn inside its round ski
 _INNER = 0.35    # of a pane's edges: cracks start no farther from its middle
 _WIDENING = 1.3  # exponent by which rings of cracks are closer near the middle
 _MIRRORED = np.array([4, 5, 6, 7, 0, 1, 2, 3])  # corners with the low and high z swapped
-_GOLDEN = 0.5 * (1.0 + np.sqrt(5.0))
 
 
 def projectile_part(projectile: Projectile) -> Blueprint:
@@ -50,7 +47,7 @@ def projectile_part(projectile: Projectile) -> Blueprint:
     volume = np.pi / 6.0 * size[0] * size[0] * size[0] if ball else size.prod()
     skin = Ornaments()
     if ball:
-        triangles = 0.5 * size[0] * _round_skin()
+        triangles = 0.5 * size[0] * round_skin()
         skin = Ornaments(np.zeros(len(triangles), np.int32), triangles,
                          np.zeros(len(triangles), np.int16))
     pose = np.concatenate([np.asarray(projectile.position, float), rotation.from_yaw(0.0)])
@@ -129,22 +126,3 @@ def _corner_order(thin: int, u: int, v: int) -> np.ndarray:
     number = np.arange(8)
     bits = {axis: (number >> axis) & 1 for axis in range(3)}
     return 4 * bits[thin] + 2 * bits[u] + bits[v]
-
-
-@cache
-def _round_skin() -> np.ndarray:
-    """Return a unit sphere as 80 triangles, an icosahedron refined once, (80, 9)."""
-    corners = np.array([[s, t * _GOLDEN, 0.0] for s in (-1, 1) for t in (-1, 1)])
-    corners = np.concatenate([np.roll(corners, k, axis=1) for k in range(3)])
-    faces = [(a, b, c) for a in range(12) for b in range(a + 1, 12) for c in range(b + 1, 12)
-             if max(norm(corners[i] - corners[j])
-                    for i, j in ((a, b), (b, c), (a, c))) < 2.01]
-    out = []
-    for face in faces:
-        p = corners[list(face)]
-        if product(np.cross(p[1] - p[0], p[2] - p[0]), p[0]) < 0.0:
-            p = p[::-1]
-        m = 0.5 * (p + np.roll(p, -1, axis=0))
-        out += [(p[0], m[0], m[2]), (m[0], p[1], m[1]), (m[2], m[1], p[2]), tuple(m)]
-    points = np.array(out)
-    return (points / norm(points, axis=2, keepdims=True)).reshape(-1, 9)

@@ -18,10 +18,11 @@
 from collections.abc import Sequence
 from copy import copy, deepcopy
 from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, chain
+from procphys_ros.blueprint import Blueprint, chain, Joints
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import DustCloud
 from procphys_ros.physics.foliage import FallingLeaves
@@ -291,6 +292,32 @@ class ClimberState:
 
 
 @dataclass
+class MechanismState:
+    """
+    Joints of mechanisms, a row each as in `Blueprint.joints`.
+
+    :ivar joint: id in the world, -1 = broken, or its parts are gone, (J,).
+    :ivar speed: that the motor aims at [m/s], [rad/s], (J,).
+    :ivar effort: greatest force or moment of the motor [N], [N·m], (J,).
+    :ivar target: displacement that the motor aims at [m], [rad], (J,); NaN = it aims at a speed.
+    :ivar applied: constant force or moment in place of the motor's [N], [N·m], (J,).
+    """
+
+    joint: np.ndarray
+    speed: np.ndarray
+    effort: np.ndarray
+    target: np.ndarray
+    applied: np.ndarray
+
+    @classmethod
+    def initial(cls, joints: Joints) -> Self:
+        """Return the state of joints that are not in the world yet."""
+        count = len(joints)
+        return cls(np.full(count, -1, np.intp), joints.speed.copy(), joints.effort.copy(),
+                   np.full(count, np.nan), np.zeros(count))
+
+
+@dataclass
 class SkylineState:
     """
     The skyline of standing parts.
@@ -328,6 +355,7 @@ class State:
     :ivar leaves: on their branches, in the air and on the ground.
     :ivar dust: likewise.
     :ivar climbers: anchors of climbing plants.
+    :ivar mechanisms: joints of mechanisms, and their motors.
     :ivar growing: plants that grow, and how.
     :ivar tree_bounds: bounds of segments and trees, kept from step to step.
     :ivar steps, time: number of steps done, and simulated time [s].
@@ -369,6 +397,7 @@ class State:
     leaves: LeafState
     dust: DustState
     climbers: ClimberState
+    mechanisms: MechanismState
     growing: GrowingState = field(default_factory=GrowingState)
     tree_bounds: TreeBounds = field(default_factory=TreeBounds)
     steps: int = 0
@@ -422,6 +451,7 @@ class State:
             dust=DustState(DustCloud(dust.capacity, (_DUST_SEED << 64) + model.seed,
                                      model.gravity, model.terrain) if dust.enabled else None),
             climbers=ClimberState(np.ones(len(trees.climbers.row), bool)),
+            mechanisms=MechanismState.initial(model.blueprint.joints),
             blueprints=[model.blueprint])
         state.intruders = {name: IntruderState() for name in model.intruders}
         if forest.has_sagged:

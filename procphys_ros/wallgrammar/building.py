@@ -83,7 +83,7 @@ class WallGrammar:
         check_length(text, source)
         spec = parse(text, source, folder)
         references.check(spec)
-        materials = read_materials(spec)
+        materials = read_materials(spec.materials, spec.places)
         layouts = read_layouts(spec, materials)
         for panel in spec.panels.values():
             check_panel(panel, layouts, materials)

@@ -14,6 +14,7 @@
 
 """Tables: the materials and layouts that a grammar declares, checked and turned into numbers."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -44,20 +45,25 @@ _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none
 
 
-def read_materials(spec: Spec) -> dict[str, Material]:
+def read_materials(declared: Mapping[str, dict[str, Entry]], places: Mapping[str, Place],
+                   known: Mapping[str, Material] = DEFAULTS,
+                   required: Sequence[str] = _REQUIRED) -> dict[str, Material]:
     """
     Read every material by name: the predefined ones, then those of the grammar.
 
-    :param spec: the parsed grammar.
+    :param declared: entries of each material of the grammar.
+    :param places: where it stands, as 'material <name>'.
+    :param known: the predefined ones.
+    :param required: keys of one that is not predefined.
     :raises GrammarError: for unknown or missing keys, and values out of range.
     """
-    materials = dict(DEFAULTS)
-    for name, entries in spec.materials.items():
-        place = spec.places[f'material {name}']
+    materials = dict(known)
+    for name, entries in declared.items():
+        place = places[f'material {name}']
         _known_keys(entries, (*NUMBERS, 'texture'), f'material "{name}"')
         base = materials.get(name)
         if base is None:
-            missing = [key for key in _REQUIRED if key not in entries]
+            missing = [key for key in required if key not in entries]
             if missing:
                 raise place.error(f'the material "{name}" needs {", ".join(missing)}')
             base = replace(DEFAULTS['brick'], texture='')

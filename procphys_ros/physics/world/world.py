@@ -222,7 +222,7 @@ class World:
         ids = self._joints.add(self._bodies, np.broadcast_to(kind, len(ends)), ends,
                                np.stack(np.broadcast_arrays(frames, others), axis=1),
                                options or JointOptions())
-        self._wake(ends)
+        self.wake(ends)
         return ids
 
     def _hand_joints(self) -> None:
@@ -230,13 +230,22 @@ class World:
             raise SceneError(f'engine is "{self.engine}", which has no joints: take "native"')
         self._engine.set_joints(self._joints)
 
+    def set_motors(self, ids: np.ndarray, speed: np.ndarray, drive: np.ndarray) -> None:
+        """
+        Set speeds and greatest forces of the motors of joints, see `JointOptions`, (K,) each.
+
+        Sleeping bodies go on sleeping; `wake` wakes them.
+        """
+        self._joints.rows.speed[ids], self._joints.rows.drive[ids] = speed, drive
+
     def part(self, ids: np.ndarray) -> None:
         """Remove joints, (K,) ids, which may be reused, and wake their bodies."""
         rows = self.joints.of(np.atleast_1d(ids))
         self._joints.remove(ids)
-        self._wake(np.stack([rows.first, rows.second]))
+        self.wake(np.stack([rows.first, rows.second]))
 
-    def _wake(self, ids: np.ndarray) -> None:
+    def wake(self, ids: np.ndarray) -> None:
+        """Wake those of some bodies that sleep, (K,) ids."""
         ids = np.unique(ids)
         self.thaw(ids[self._bodies.state[ids] == BodyState.RESTING])
 
@@ -334,6 +343,16 @@ class World:
             self.thaw(np.array([body]))
         change = self._bodies.velocity_change(body, impulse, point, angular)
         self.set_velocities(np.array([body]), self._bodies.velocities[[body]] + change)
+
+    def push(self, body: int, change: np.ndarray, stirs: bool = True) -> None:
+        """
+        Add to the velocity of a free body, world axes, (6,).
+
+        :param stirs: whether this resets its sleep clock.
+        """
+        moving = self._bodies.velocities[[body]] + change
+        write = self.set_velocities if stirs else self._write_velocities
+        write(np.array([body]), moving)
 
     def exclude_contacts(self, pairs: np.ndarray) -> None:
         """

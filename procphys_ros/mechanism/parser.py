@@ -1,0 +1,299 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Parser: from the text of a mechanism grammar to its spec."""
+
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeAlias
+
+from lark import Lark
+from lark.exceptions import UnexpectedInput
+
+from procphys_ros.errors import nearest_names
+from procphys_ros.language import (
+    compile_expression,
+    Expression,
+    Place,
+    read_include,
+    shorten,
+    syntax_error,
+)
+from procphys_ros.language.parsers import make_parser
+from procphys_ros.mechanism.grammar import MECHANISM_GRAMMAR, MECHANISM_WORDS
+from procphys_ros.mechanism.spec import (
+    Application,
+    Block,
+    Definition,
+    JointStatement,
+    MechanismRule,
+    MechanismSpec,
+    PartStatement,
+    Repetition,
+    Setting,
+    Statement,
+)
+from procphys_ros.mechanism.tables import (
+    check_keys,
+    check_kind,
+    JOINT_KEYS,
+    JOINT_NEEDS,
+    NAMES,
+    PART_KEYS,
+    PART_NEEDS,
+    RANGES,
+    RULE_KEYS,
+)
+from procphys_ros.wallgrammar.spec import Entry
+
+Node: TypeAlias = Any  # a tree; lark types its children only as trees or tokens
+
+_DEEPEST = 32  # nesting of repetitions
+_RESERVED = ('ground', 'parent')  # names of no part
+
+
+@cache
+def _lark() -> Lark:
+    return make_parser(__name__, MECHANISM_GRAMMAR)
+
+
+def parse(text: str, source: str, folder: Path | None = None) -> MechanismSpec:
+    """
+    Read a grammar text.
+
+    :param text: the grammar.
+    :param source: name for errors.
+    :param folder: searched first for included files; None = the shipped ones only.
+    :raises GrammarError: where the text does not fit the language.
+    """
+    reader = _MechanismReader(source, _tree(text, source))
+    spec = reader.spec()
+    _include(spec, reader, folder, {Path(shorten(source)).resolve()})
+    _check_calls(spec)
+    return spec
+
+
+def _tree(text: str, source: str) -> Node:
+    try:
+        return _lark().parse(text)
+    except UnexpectedInput as problem:
+        raise syntax_error(problem, source, words=MECHANISM_WORDS) from None
+
+
+def _include(spec: MechanismSpec, reader: '_MechanismReader', folder: Path | None,
+             seen: set[Path]) -> None:
+    """Merge the rules and materials of included files; existing ones win."""
+    for node in reader.trees['include']:
+        found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
+        if found is None:
+            continue
+        path, text = found
+        seen.add(path)
+        inner = _MechanismReader(str(path), _tree(text, str(path)), included=True)
+        other = MechanismSpec('', (), (), Place(str(path)))
+        inner.tables(other)
+        spec.rules.update({**other.rules, **spec.rules})
+        spec.materials.update({**other.materials, **spec.materials})
+        spec.places.update({**other.places, **spec.places})
+        _include(spec, inner, path.parent, seen)
+
+
+class _MechanismReader:
+    """
+    Turns the parse tree into a spec.
+
+    :ivar known: names that expressions anywhere may use: the parameters of the mechanism.
+    """
+
+    def __init__(self, source: str, tree: Node, included: bool = False):
+        self.source = source
+        self.trees: dict[str, list[Node]] = {kind: [] for kind in (
+            'include', 'mechanism', 'rule', 'material')}
+        for child in tree.children:
+            self.trees[child.data].append(child)
+        self.known: tuple[str, ...] = ()
+        if included:
+            return
+        found = self.trees['mechanism']
+        if len(found) != 1:
+            place = self.place(found[1]) if found else Place(source)
+            raise place.error(f'a grammar holds exactly one mechanism, found {len(found)}')
+        self.known = tuple(str(node.children[0]) for node in found[0].children[1:]
+                           if node is not None and node.data == 'parameter')
+
+    def place(self, node: Node) -> Place:
+        return Place.of(node, self.source)
+
+    def expression(self, node: Node, known: Sequence[str]) -> Expression:
+        return compile_expression(node, self.source, known=known)
+
+    def spec(self) -> MechanismSpec:
+        node = self.trees['mechanism'][0]
+        parameters: list[tuple[str, Expression]] = []
+        for child in node.children[1:]:
+            if child is not None and child.data == 'parameter':
+                name, before = str(child.children[0]), [known for known, _ in parameters]
+                if name in before:
+                    raise self.place(child).error(f'the parameter "{name}" is given twice')
+                parameters.append((name, self.expression(child.children[1], before)))
+        body = [child for child in node.children[1:]
+                if child is not None and child.data != 'parameter']
+        spec = MechanismSpec(str(node.children[0]), tuple(parameters),
+                             self.statements(body, self.known), self.place(node))
+        self.tables(spec)
+        return spec
+
+    def tables(self, spec: MechanismSpec) -> None:
+        """Read rules and materials into a spec."""
+        for node in self.trees['rule']:
+            rule = self.rule(node)
+            spec.rules.setdefault(rule.name, []).append(rule)
+        for node in self.trees['material']:
+            name, place = str(node.children[0]), self.place(node)
+            if name in spec.materials:
+                raise place.error(f'a material named "{name}" exists already')
+            spec.materials[name] = self.material(node.children[1:])
+            spec.places[f'material {name}'] = place
+
+    def material(self, nodes: Sequence[Node]) -> dict[str, Entry]:
+        table: dict[str, Entry] = {}
+        for node in nodes:
+            key, place = str(node.children[0]), self.place(node)
+            if key in table:
+                raise place.error(f'"{key}" stands there twice')
+            table[key] = Entry(tuple(
+                str(value.children[0]) if value.data == 'variable'
+                else self.expression(value, ()) for value in node.children[1:]), place)
+        return table
+
+    def rule(self, node: Node) -> MechanismRule:
+        name, formals, condition, *body, weight = node.children
+        parameters = tuple(str(c) for c in formals.children if c is not None)
+        known = (*self.known, *parameters)
+
+        def optional(part: Node) -> Expression | None:
+            return self.expression(part.children[0], known) if part.children[0] else None
+
+        return MechanismRule(str(name), parameters, optional(condition),
+                             self.statements(body, known), optional(weight), self.place(node))
+
+    def statements(self, nodes: Sequence[Node], known: Sequence[str],
+                   depth: int = 0) -> tuple[Statement, ...]:
+        if depth > _DEEPEST:
+            raise self.place(nodes[0]).error(f'nested more than {_DEEPEST} deep; use a rule')
+        out: list[Statement] = []
+        for node in nodes:
+            if node.data == 'let':
+                name = str(node.children[0])
+                out.append(Definition(name, self.expression(node.children[1], known)))
+                known = (*known, name)
+            elif node.data == 'repeat':
+                variable = str(node.children[0])
+                out.append(Repetition(
+                    variable, self.expression(node.children[1], known),
+                    self.statements(node.children[2:], (*known, variable), depth + 1)))
+            elif node.data == 'apply':
+                out.append(self.application(node, known))
+            else:
+                out.append(self.part(node, known))
+        return tuple(out)
+
+    def application(self, node: Node, known: Sequence[str]) -> Application:
+        name, *arguments, block = node.children
+        settings, inner = self.block(block, known) if block else ({}, [])
+        if inner:
+            raise self.place(inner[0]).error('what a rule writes takes no joints here; name it in '
+                                             f'the rule (keys: {", ".join(RULE_KEYS)})')
+        place = self.place(node)
+        check_keys(settings, RULE_KEYS, (), 'rule', place)
+        return Application(str(name), tuple(self.expression(a, known) for a in arguments
+                                            if a is not None), settings, place)
+
+    def part(self, node: Node, known: Sequence[str]) -> PartStatement:
+        kind, name, block = node.children
+        kind, place = str(kind), self.place(node)
+        check_kind(kind, PART_KEYS, 'part', place)
+        settings, inner = self.block(block, known, (*NAMES[:1],))
+        check_keys(settings, PART_KEYS[kind], PART_NEEDS[kind], kind, place)
+        return PartStatement(kind, self.name(name), settings,
+                             tuple(self.joint(n, known) for n in inner), place)
+
+    def joint(self, node: Node, known: Sequence[str]) -> JointStatement:
+        kind, name, block = node.children
+        kind, place = str(kind), self.place(node)
+        check_kind(kind, JOINT_KEYS, 'joint', place)
+        settings, inner = self.block(block, known)
+        if inner:
+            raise self.place(inner[0]).error('nothing stands inside a joint but keys')
+        check_keys(settings, JOINT_KEYS[kind], JOINT_NEEDS.get(kind, ()),
+                          f'{kind} joint' if kind == 'ball' else kind, place)
+        return JointStatement(kind, self.name(name), settings, place)
+
+    def name(self, token: Node) -> str:
+        if token is not None and str(token) in _RESERVED:
+            raise self.place(token).error(f'"{token}" names no part: {" and ".join(_RESERVED)} '
+                                          'have a meaning of their own')
+        return '' if token is None else str(token)
+
+    def block(self, node: Node, known: Sequence[str],
+              names: Sequence[str] = NAMES) -> tuple[Block, list[Node]]:
+        """Read the keys of a block; return these, and the trees of what else is in it."""
+        settings: dict[str, Setting] = {}
+        for child in node.children:
+            if child.data != 'entry':
+                continue
+            key, *values = child.children
+            place = self.place(child)
+            if str(key) in settings:
+                raise place.error(f'"{key}" stands there twice')
+            settings[str(key)] = self.setting(str(key), values, known, names, place)
+        return settings, [child for child in node.children if child.data != 'entry']
+
+    def setting(self, key: str, values: Sequence[Node], known: Sequence[str],
+                names: Sequence[str], place: Place) -> Setting:
+        if key in names:
+            if len(values) != 1 or values[0].data != 'variable':
+                raise place.error(f'"{key}:" takes one name')
+            return Setting((), str(values[0].children[0]), place)
+        if key in RANGES:
+            counts = RANGES[key].counts
+            if len(values) not in counts:
+                raise place.error(f'"{key}:" takes {" or ".join(map(str, counts))} '
+                                  f'number{"s" * (counts != (1,))} with commas between them, '
+                                  f'found {len(values)}')
+        return Setting(tuple(self.expression(value, known) for value in values), '', place)
+
+
+def _check_calls(spec: MechanismSpec) -> None:
+    """Check that applied rules exist and take the given number of arguments."""
+    bodies = [spec.statements, *(rule.statements for rules in spec.rules.values()
+                                 for rule in rules)]
+    while bodies:
+        for statement in bodies.pop():
+            if isinstance(statement, Repetition):
+                bodies.append(statement.statements)
+            elif isinstance(statement, Application):
+                _check_call(spec, statement)
+
+
+def _check_call(spec: MechanismSpec, call: Application) -> None:
+    if call.name not in spec.rules:
+        raise call.place.error(f'unknown rule "{call.name}"{nearest_names(call.name, spec.rules)} '
+                               f'(rules: {", ".join(spec.rules) or "none"})')
+    counts = sorted({len(rule.parameters) for rule in spec.rules[call.name]})
+    if len(call.arguments) not in counts:
+        raise call.place.error(
+            f'the rule "{call.name}" takes {" or ".join(map(str, counts))} arguments, '
+            f'found {len(call.arguments)}')

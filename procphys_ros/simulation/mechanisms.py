@@ -1,0 +1,311 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Mechanisms: joints between loose parts, their motors, and the wind on plates."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from procphys_ros.blueprint import Blueprint, GROUND, Joints, JointType
+from procphys_ros.errors import CommandError, nearest_names, SceneError
+from procphys_ros.geometry import rotation
+from procphys_ros.geometry.linear import norm
+from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
+from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.masonry.components import groups, label
+from procphys_ros.physics.world import BodyState, DEFAULT_ENGINE, JointOptions, World
+from procphys_ros.scene import Settings
+from procphys_ros.scene.joint_drive import DriveJoint
+from procphys_ros.simulation import breaking, contact_exclusions
+from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.parts import Owner
+from procphys_ros.simulation.state import MechanismState, State
+
+ENGINE = 'native'  # that has joints
+_NEGLIGIBLE = 0.05  # [m/s²] by the wind, which wakes no plate, 0.5 % of gravity
+_ALONG = (JointType.HINGE, JointType.SLIDER, JointType.ROPE)  # kinds with one displacement
+_DRIVEN = (JointType.HINGE, JointType.SLIDER)
+# Middles of the 3 by 3 equal patches of a plate, over its extents.
+_PATCHES = np.stack(np.meshgrid(*2 * (np.array([-1.0, 0.0, 1.0]) / 3.0,)), axis=-1).reshape(-1, 2)
+
+
+@dataclass(frozen=True)
+class JointReadings:
+    """
+    Displacements of joints, and what moves them, a row per hinge, slider and rope.
+
+    :ivar names: `<object>/<joint>`.
+    :ivar position: displacement, of a rope its length [m], [rad], (K,).
+    :ivar velocity: [m/s], [rad/s], (K,).
+    :ivar effort: force along or moment about the axis in the last step, of motor, friction,
+        spring and limits together [N], [N·m], (K,).
+    """
+
+    names: tuple[str, ...]
+    position: np.ndarray
+    velocity: np.ndarray
+    effort: np.ndarray
+
+
+def settings_for(settings: Settings, blueprint: Blueprint) -> Settings:
+    """
+    Choose the engine with joints for a scene with mechanisms that leaves the choice.
+
+    :raises SceneError: when it names an engine without joints.
+    """
+    if not len(blueprint.joints) or settings.engine == ENGINE:
+        return settings
+    if settings.engine != DEFAULT_ENGINE:
+        raise SceneError(f'engine is "{settings.engine}", which has no joints, and the scene has '
+                         f'mechanisms: take "{ENGINE}" or "{DEFAULT_ENGINE}"')
+    return replace(settings, engine=ENGINE)
+
+
+def check_engine(name: str, placed: Blueprint, world: World) -> None:
+    """Raise SceneError for a mechanism that joins a world without joints."""
+    if len(placed.joints) and not world.has_joints:
+        raise SceneError(f'{name} has joints, and engine is "{world.engine}", which has none: '
+                         f'take "{ENGINE}"')
+
+
+def connect(model: Model, state: State, first: int = 0) -> None:
+    """
+    Join the bodies of mechanisms that are at rest; writes joints, exclusions and the world.
+
+    :param first: row of the first joint that is new.
+    """
+    joints = model.blueprint.joints
+    own, rows = state.mechanisms, np.arange(first, len(joints))
+    if not len(rows):
+        return
+    more = MechanismState.initial(joints.take(rows))
+    for column in fields(MechanismState):
+        known = getattr(own, column.name)[:first]
+        setattr(own, column.name, np.concatenate([known, getattr(more, column.name)]))
+    new = joints.take(rows)
+    far = new.frame.copy()
+    far[:, :3] += rotation.rotate(new.frame[:, 3:], new.anchor)
+    speed, drive = _motors(new, new.speed, new.effort)
+    own.joint[rows] = state.world.join(
+        new.kind.astype(np.intp), state.parts.body[new.parts[:, 1]],
+        _bodies(state, new.parts[:, 0]), new.frame,
+        JointOptions(new.low, new.high, new.stiffness, new.damping, new.rest, speed, drive,
+                     new.force, new.moment, new.collides), far)
+    linked = (new.parts != GROUND).all(axis=1)
+    labels = label(len(state.parts), *new.parts[linked].T.astype(np.intp),
+                   np.ones(np.count_nonzero(linked), bool))[0]
+    member = np.zeros(len(state.parts), bool)
+    member[new.parts[new.parts != GROUND]] = True
+    contact_exclusions.add_mechanisms(state, groups(labels, member))
+    contact_exclusions.update(model, state)
+
+
+def _bodies(state: State, parts: np.ndarray) -> np.ndarray:
+    """Return the bodies of parts, or that of the ground, (K,)."""
+    return np.where(parts == GROUND, World.ground, state.parts.body[parts])
+
+
+def _motors(joints: Joints, speed: np.ndarray,
+            effort: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return speed and force of the engine's motors: those without power are brakes, friction."""
+    runs = effort > 0.0
+    return np.where(runs, speed, 0.0), np.where(runs, np.maximum(effort, joints.friction),
+                                                joints.friction)
+
+
+def drive_motors(model: Model, state: State, dt: float) -> None:
+    """Set the motors of joints for a step, and apply constant efforts; writes bodies."""
+    own, world = state.mechanisms, state.world
+    alive = np.flatnonzero(own.joint >= 0)
+    if not len(alive):
+        return
+    joints, ids = model.blueprint.joints.take(alive), own.joint[alive]
+    speed, target = own.speed[alive], own.target[alive]
+    aimed = ~np.isnan(target)
+    wanted = (target[aimed] - world.joints.way[ids[aimed]]) / dt
+    most = np.where(joints.speed[aimed] == 0.0, np.inf, np.abs(joints.speed[aimed]))
+    speed[aimed] = np.clip(wanted, -most, most)
+    pushed = own.applied[alive] != 0.0
+    world.set_motors(ids, *_motors(joints, speed, np.where(pushed, 0.0, own.effort[alive])))
+    for row in np.flatnonzero(pushed).tolist():
+        _push(state, joints.kind[row], ids[row], own.applied[alive[row]] * dt)
+
+
+def _push(state: State, kind: int, joint: int, impulse: float) -> None:
+    """Apply an impulse along the axis of a joint, or about it, to both of its bodies."""
+    rows = state.world.joints
+    first, second = int(rows.first[joint]), int(rows.second[joint])
+    place, axis, point = _placed(state.world, np.array([joint]))
+    for body, sign in ((first, 1.0), (second, -1.0)):
+        if body == World.ground:
+            continue
+        if kind == JointType.HINGE:
+            state.world.apply_impulse(body, np.zeros(3), None, sign * impulse * axis[0])
+        else:
+            state.world.apply_impulse(body, sign * impulse * axis[0], point[0])
+
+
+def _placed(world: World, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Return the present place of joints.
+
+    :returns: frames on the second bodies, (K, 7), their axes, which of ropes lead from the second
+        point to the first, (K, 3), and the points on the first bodies [m], (K, 3); world.
+    """
+    rows = world.joints.of(ids)
+    point = rotation.compose(world.poses(rows.first), rows.frame)[:, :3]
+    frame = rotation.compose(world.poses(rows.second), rows.other_frame)
+    axis = rotation.rotate(frame[:, 3:], np.array([1.0, 0.0, 0.0]))
+    rope = np.flatnonzero(rows.kind == JointType.ROPE)
+    way = point[rope] - frame[rope, :3]
+    axis[rope] = way / np.maximum(norm(way, axis=1), np.finfo(float).tiny)[:, None]
+    return frame, axis, point
+
+
+def press_plates(model: Model, state: State, dt: float) -> None:
+    """
+    Apply the force of the wind on flat parts, normal to them; writes their velocities.
+
+    On each of nine patches it is ½ ρ Cd A |v·n| v·n, with the velocity v of the air relative to
+    the patch. Resting plates wake in a wind that moves them.
+    """
+    plates = model.blueprint.plates
+    loose = np.flatnonzero(state.parts.owner[plates.part] == Owner.BODY)
+    bodies = state.world.bodies
+    rests = bodies.state[state.parts.body[plates.part[loose]]] == BodyState.RESTING
+    if state.wind.is_still(state.time) and not len(state.wind.jets):
+        loose, rests = loose[~rests], rests[~rests]
+    if not len(loose):
+        return
+    parts = plates.part[loose]
+    force, moment, rate = _plate_forces(state, parts, plates.normal[loose], plates.area[loose])
+    body, mass = state.parts.body[parts], state.parts.mass[parts]
+    # Explicit, so no more than stops the plate in the air.
+    share = (dt / np.maximum(1.0, rate * dt / mass))[:, None]
+    felt = norm(force, axis=1) > _NEGLIGIBLE * mass
+    state.world.wake(body[felt & rests])
+    for row in np.flatnonzero(felt | ~rests).tolist():
+        change = bodies.velocity_change(int(body[row]), share[row] * force[row], None,
+                                        share[row] * moment[row])
+        state.world.push(int(body[row]), change, bool(felt[row]))
+
+
+def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
+                  area: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Compute the force of the air on plates and its moment about their centres, world, (P, 3) each.
+
+    :returns: these [N], [N·m], and force over speed [N·s/m], (P,).
+    """
+    columns, world, rows = state.parts, state.world, np.arange(len(parts))
+    pose = rotation.compose(world.poses(columns.body[parts]), columns.local[parts])
+    velocity = world.velocities(columns.body[parts])
+    local = np.zeros((len(parts), len(_PATCHES), 3))
+    for k in (1, 2):
+        axis = (normal + k) % 3
+        local[rows, :, axis] = _PATCHES[None, :, k - 1] * columns.size[parts, axis][:, None]
+    arm = rotation.rotate(pose[:, None, 3:], local)
+    across = rotation.rotate(pose[:, 3:], np.eye(3)[normal])[:, None]
+    points = pose[:, None, :3] + arm
+    air = state.wind.velocity(points.reshape(-1, 3), state.time).reshape(points.shape)
+    slip = air - velocity[:, None, :3] - np.cross(velocity[:, None, 3:], arm)
+    speed = (slip * across).sum(axis=2)
+    factor = 0.5 * AIR_DENSITY * PLATE_DRAG * area / len(_PATCHES)
+    force = (factor[:, None] * np.abs(speed) * speed)[..., None] * across
+    return (force.sum(axis=1), np.cross(arm, force).sum(axis=1),
+            factor * np.abs(speed).sum(axis=1))
+
+
+def break_overloaded(model: Model, state: State, dt: float) -> None:
+    """Record the joints that the engine has broken, and forget those of parts that are gone."""
+    own, rows = state.mechanisms, state.world.joints
+    alive = np.flatnonzero(own.joint >= 0)
+    if not len(alive):
+        return
+    joints, ids = model.blueprint.joints.take(alive), own.joint[alive]
+    there = ((rows.kind[ids] == joints.kind)
+             & (rows.first[ids] == state.parts.body[joints.parts[:, 1]])
+             & (rows.second[ids] == _bodies(state, joints.parts[:, 0])))
+    own.joint[alive[~there]] = -1
+    broken = np.flatnonzero(there & rows.broken[ids])
+    if not len(broken):
+        return
+    share = np.column_stack([norm(rows.force[ids[broken]], axis=1) / joints.force[broken],
+                             norm(rows.moment[ids[broken]], axis=1) / joints.moment[broken]])
+    causes = np.where(share[:, 1] > share[:, 0], Cause.TWIST, Cause.FORCE)
+    breaking.break_joints(model, state, alive[broken], causes)
+    contact_exclusions.update(model, state)
+
+
+def names(model: Model, state: State) -> list[str]:
+    """Return the names of all joints, `<object>/<joint>`, by row."""
+    source = model.blueprint
+    owners = np.array([thing.first for thing in state.objects])
+    place = np.searchsorted(owners, source.joints.parts[:, 1], side='right') - 1
+    return [f'{state.objects[i].name}/{source.joint_names[k]}'
+            for i, k in zip(place.tolist(), source.joints.name.tolist())]
+
+
+def read_joints(model: Model, state: State) -> JointReadings:
+    """Return the displacements of all joints with an axis that hold."""
+    own, joints = state.mechanisms, model.blueprint.joints
+    rows = np.flatnonzero((own.joint >= 0) & np.isin(joints.kind, _ALONG))
+    ids, world = own.joint[rows], state.world
+    known = names(model, state)
+    engine = world.joints.of(ids)
+    frame, axis, point = _placed(world, ids)
+    one, other = world.velocities(engine.first), world.velocities(engine.second)
+    turns = engine.kind == JointType.HINGE
+    at = frame[:, :3]
+    slip = (one[:, :3] + np.cross(one[:, 3:], point - world.poses(engine.first)[:, :3])
+            - other[:, :3] - np.cross(other[:, 3:], point - world.poses(engine.second)[:, :3]))
+    slip[turns] = one[turns, 3:] - other[turns, 3:]
+    position = engine.way.copy()
+    rope = engine.kind == JointType.ROPE
+    position[rope] = norm(point[rope] - at[rope], axis=1)
+    effort = np.where(turns[:, None], engine.moment, engine.force)
+    return JointReadings(tuple(known[row] for row in rows.tolist()), position,
+                         (slip * axis).sum(axis=1), (effort * axis).sum(axis=1)
+                         + own.applied[rows])
+
+
+def command(model: Model, state: State, wish: DriveJoint) -> None:
+    """
+    Drive a joint from now on; writes `state.mechanisms`, and wakes its bodies.
+
+    :raises CommandError: if there is no such joint, it has broken, or has no motor.
+    """
+    known, own, joints = names(model, state), state.mechanisms, model.blueprint.joints
+    if wish.target not in known:
+        listed = ', '.join(known[:10]) or 'none'
+        raise CommandError(f'there is no joint "{wish.target}"'
+                           f'{nearest_names(wish.target, known)} (joints: {listed})')
+    row = known.index(wish.target)
+    if own.joint[row] < 0:
+        raise CommandError(f'{wish.target} has broken')
+    most = joints.effort[row]
+    if joints.kind[row] not in _DRIVEN or most == 0.0:
+        raise CommandError(f'{wish.target} has no motor; a hinge or a slider with "motor:" has')
+    own.speed[row] = own.applied[row] = 0.0
+    own.target[row], own.effort[row] = np.nan, most
+    if wish.mode == 'position':
+        own.target[row] = wish.value
+    elif wish.mode == 'velocity':
+        own.speed[row] = wish.value
+    else:
+        own.applied[row] = np.clip(wish.value, -most, most)
+        own.effort[row] = 0.0
+    ends = state.world.joints.of(own.joint[[row]])
+    state.world.wake(np.concatenate([ends.first, ends.second]))
