@@ -25,7 +25,7 @@ parameter: NAME _EQUALS expression
 material: "material" NAME "{" material_entry* "}"
 material_entry: KEY _COLON expression -> entry
 rule: "rule" NAME formals condition _ARROW "{" statement* "}" weight
-formals: [_OPEN NAME (_COMMA NAME)* _CLOSE]
+formals: [_OPEN [NAME (_COMMA NAME)*] _CLOSE]
 condition: [_COLON expression]
 weight: [_COLON expression]
 ?statement: "let" NAME _EQUALS expression -> let

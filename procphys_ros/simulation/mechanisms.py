@@ -104,8 +104,8 @@ def connect(model: Model, state: State, first: int = 0) -> None:
         JointOptions(new.low, new.high, new.stiffness, new.damping, new.rest, speed, drive,
                      new.force, new.moment, new.collides), far)
     linked = (new.parts != GROUND).all(axis=1)
-    labels = label(len(state.parts), *new.parts[linked].T.astype(np.intp),
-                   np.ones(np.count_nonzero(linked), bool))[0]
+    one, other = new.parts[linked].T.astype(np.intp)
+    labels = label(len(state.parts), one, other, np.ones(len(one), bool))[0]
     member = np.zeros(len(state.parts), bool)
     member[new.parts[new.parts != GROUND]] = True
     contact_exclusions.add_mechanisms(state, groups(labels, member))
@@ -202,6 +202,18 @@ def press_plates(model: Model, state: State, dt: float) -> None:
         state.world.push(int(body[row]), change, bool(felt[row]))
 
 
+def _mean_velocities(state: State, bodies: np.ndarray) -> np.ndarray:
+    """
+    Return the mean velocities of bodies over the last step, (P, 6).
+
+    Forces act as impulses between steps, so the velocity then is that of a half of their effect.
+    """
+    now, before = state.world.velocities(bodies), state.rubble.velocities
+    known = np.flatnonzero(bodies < len(before))
+    now[known] = 0.5 * (now[known] + before[bodies[known]])
+    return now
+
+
 def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
                   area: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
@@ -211,7 +223,7 @@ def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
     """
     columns, world, rows = state.parts, state.world, np.arange(len(parts))
     pose = rotation.compose(world.poses(columns.body[parts]), columns.local[parts])
-    velocity = world.velocities(columns.body[parts])
+    velocity = _mean_velocities(state, columns.body[parts])
     local = np.zeros((len(parts), len(_PATCHES), 3))
     for k in (1, 2):
         axis = (normal + k) % 3
