@@ -122,13 +122,13 @@ class MechanismWriter:
     """
     Applies the rules of a spec.
 
-    :ivar values: of the mechanism's parameters.
+    :ivar values: of the mechanism's parameters, and of lets outside of it.
     :ivar generator: draws weighted rules and random numbers.
     :ivar parts, joints: written so far.
     """
 
     spec: MechanismSpec
-    values: Mapping[str, float]
+    values: dict[str, float]
     generator: np.random.Generator
     most_parts: int
     parts: list[WrittenPart] = field(default_factory=list)
@@ -143,6 +143,8 @@ class MechanismWriter:
             do not exist.
         """
         frame = np.array([0.0, 0.0, 0.0, *rotation.IDENTITY])
+        for let in self.spec.definitions:
+            self.values[let.name] = let.value.number(self.values, self.generator)
         start = RuleScope(dict(self.values), frame, GROUND)
         # Statements under way, innermost last; recursion is deeper than Python's.
         running = [self._statements(self.spec.statements, start)]
@@ -253,18 +255,16 @@ class MechanismWriter:
             statement.kind, statement.name or statement.kind,
             rotation.compose(scope.frame, local), numbers,
             material.name if material else '', material.place if material else statement.place))
+        for joint in statement.joints:  # to which its name means a part of the same name outside
+            self._joint(joint, number, local[:3], scope)
         if statement.name:
             scope.parts[statement.name] = number
-        for joint in statement.joints:
-            self._joint(joint, number, local[:3], scope)
 
     def _joint(self, joint: JointStatement, part: int, centre: np.ndarray,
                scope: RuleScope) -> None:
         numbers = self._numbers(joint.settings, scope)
         to = joint.settings.get('to')
         other = scope.parent if to is None else scope.find(to.name, to.place)
-        if other == part:
-            raise joint.place.error(f'the {joint.kind} joins a part to itself; say "to:"')
         axis = np.array(numbers.get('axis', (0.0, 0.0, 1.0)))
         if joint.kind == 'rope':
             axis = np.array(numbers.get('at', tuple(centre))) - np.array(numbers['end'])

@@ -18,7 +18,7 @@ from procphys_ros.language import EXPRESSION_GRAMMAR
 
 # A name followed by a colon is a key, where a key is allowed: it ends the values before it.
 MECHANISM_GRAMMAR = r"""
-start: (include | mechanism | rule | material)+
+start: (include | mechanism | let | rule | material)+
 include: "include" FILE
 mechanism: "mechanism" NAME [_OPEN [parameter (_COMMA parameter)*] _CLOSE] "{" statement* "}"
 parameter: NAME _EQUALS expression
@@ -28,7 +28,8 @@ rule: "rule" NAME formals condition _ARROW "{" statement* "}" weight
 formals: [_OPEN [NAME (_COMMA NAME)*] _CLOSE]
 condition: [_COLON expression]
 weight: [_COLON expression]
-?statement: "let" NAME _EQUALS expression -> let
+let: "let" NAME _EQUALS expression
+?statement: let
     | "repeat" NAME _OPEN expression _CLOSE "{" statement* "}" -> repeat
     | NAME _OPEN [expression (_COMMA expression)*] _CLOSE [block] -> apply
     | thing

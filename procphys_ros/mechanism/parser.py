@@ -114,13 +114,14 @@ class _MechanismReader:
     """
     Turns the parse tree into a spec.
 
-    :ivar known: names that expressions anywhere may use: the parameters of the mechanism.
+    :ivar known: names that expressions anywhere may use: parameters of the mechanism, and lets
+        outside of it.
     """
 
     def __init__(self, source: str, tree: Node, included: bool = False):
         self.source = source
         self.trees: dict[str, list[Node]] = {kind: [] for kind in (
-            'include', 'mechanism', 'rule', 'material')}
+            'include', 'mechanism', 'let', 'rule', 'material')}
         for child in tree.children:
             self.trees[child.data].append(child)
         self.known: tuple[str, ...] = ()
@@ -148,12 +149,23 @@ class _MechanismReader:
                 if name in before:
                     raise self.place(child).error(f'the parameter "{name}" is given twice')
                 parameters.append((name, self.expression(child.children[1], before)))
+        definitions = self.definitions()
         body = [child for child in node.children[1:]
                 if child is not None and child.data != 'parameter']
         spec = MechanismSpec(str(node.children[0]), tuple(parameters),
-                             self.statements(body, self.known), self.place(node))
+                             self.statements(body, self.known), self.place(node),
+                             tuple(definitions))
         self.tables(spec)
         return spec
+
+    def definitions(self) -> list[Definition]:
+        """Read the lets outside of mechanism and rules, whose names are known from there on."""
+        out = []
+        for node in self.trees['let']:
+            out.append(Definition(str(node.children[0]),
+                                  self.expression(node.children[1], self.known)))
+            self.known += (out[-1].name,)
+        return out
 
     def tables(self, spec: MechanismSpec) -> None:
         """Read rules and materials into a spec."""

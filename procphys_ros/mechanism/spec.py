@@ -112,6 +112,7 @@ class MechanismSpec:
 
     :ivar parameters: names with their default values.
     :ivar statements: of the mechanism itself.
+    :ivar definitions: lets outside of mechanism and rules, which all of these know.
     :ivar materials: entries by name; `places` tells where they stand, as 'material <name>'.
     """
 
@@ -119,6 +120,7 @@ class MechanismSpec:
     parameters: tuple[tuple[str, Expression], ...]
     statements: tuple[Statement, ...]
     place: Place
+    definitions: tuple[Definition, ...] = ()
     rules: dict[str, list[MechanismRule]] = field(default_factory=dict)
     materials: dict[str, dict[str, Entry]] = field(default_factory=dict)
     places: dict[str, Place] = field(default_factory=dict)

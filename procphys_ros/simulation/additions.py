@@ -165,9 +165,8 @@ def extend(before: Model, model: Model, state: State, settled: StressSolver) -> 
         state.parts.body[stands] = state.world.add_bricks(
             source.poses[stands], source.size[stands], source.mass[stands],
             hexahedra=source.hexahedra.among(stands), inertia=source.inertia[stands])
-    for part in fresh[state.parts.owner[fresh] == Owner.BODY]:
-        fragments.make_body(model, state, np.array([part]), source.poses[[part]],
-                            np.zeros((1, 6)))
+    for parts in mechanisms.rigid_groups(model, fresh[state.parts.owner[fresh] == Owner.BODY]):
+        fragments.make_body(model, state, parts, source.poses[parts], np.zeros((len(parts), 6)))
     mechanisms.connect(model, state, len(state.mechanisms.joint))
 
 

@@ -102,9 +102,9 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
         state.parts.body[bricks] = state.world.add_bricks(
             source.poses[bricks], source.size[bricks], source.mass[bricks],
             hexahedra=source.hexahedra.among(bricks), inertia=source.inertia[bricks])
-    for part in np.flatnonzero(state.parts.owner == Owner.BODY):
-        fragments.make_body(model, state, np.array([part]), state.parts.poses[[part]],
-                            np.zeros((1, 6)))
+    for parts in mechanisms.rigid_groups(model, np.flatnonzero(state.parts.owner == Owner.BODY)):
+        fragments.make_body(model, state, parts, state.parts.poses[parts],
+                            np.zeros((len(parts), 6)))
     mechanisms.connect(model, state)
     lean(model, state)
     load_climbed_walls(model, state)

@@ -80,6 +80,24 @@ def check_engine(name: str, placed: Blueprint, world: World) -> None:
                          f'take "{ENGINE}"')
 
 
+def rigid_groups(model: Model, parts: np.ndarray) -> list[np.ndarray]:
+    """
+    Group loose parts into bodies: those with welds that never break between them are one.
+
+    :param parts: ascending, (K,).
+    """
+    joints = model.blueprint.joints
+    firm = joints.parts[_is_firm(joints) & (joints.parts != GROUND).all(axis=1)].T.copy()
+    member = np.zeros(len(model.blueprint), bool)
+    member[parts] = True
+    labels = label(len(member), firm[0], firm[1], np.ones(firm.shape[1], bool))[0]
+    return groups(labels, member)
+
+
+def _is_firm(joints: Joints) -> np.ndarray:
+    return (joints.kind == JointType.WELD) & np.isinf(joints.force) & np.isinf(joints.moment)
+
+
 def connect(model: Model, state: State, first: int = 0) -> None:
     """
     Join the bodies of mechanisms that are at rest; writes joints, exclusions and the world.
@@ -94,6 +112,9 @@ def connect(model: Model, state: State, first: int = 0) -> None:
     for column in fields(MechanismState):
         known = getattr(own, column.name)[:first]
         setattr(own, column.name, np.concatenate([known, getattr(more, column.name)]))
+    _exclude(model, state, joints.parts[rows])
+    ends = _bodies(state, joints.parts[rows])
+    rows = rows[ends[:, 0] != ends[:, 1]]
     new = joints.take(rows)
     far = new.frame.copy()
     far[:, :3] += rotation.rotate(new.frame[:, 3:], new.anchor)
@@ -103,17 +124,19 @@ def connect(model: Model, state: State, first: int = 0) -> None:
         _bodies(state, new.parts[:, 0]), new.frame,
         JointOptions(new.low, new.high, new.stiffness, new.damping, new.rest, speed, drive,
                      new.force, new.moment, new.collides), far)
-    linked = (new.parts != GROUND).all(axis=1)
-    one, other = new.parts[linked].T.astype(np.intp)
-    labels = label(len(state.parts), one, other, np.ones(len(one), bool))[0]
-    member = np.zeros(len(state.parts), bool)
-    member[new.parts[new.parts != GROUND]] = True
-    contact_exclusions.add_mechanisms(state, groups(labels, member))
+
+
+def _exclude(model: Model, state: State, pairs: np.ndarray) -> None:
+    """Exclude the overlaps of jointed parts of one object from contact, (J, 2)."""
+    jointed = np.unique(pairs[pairs != GROUND])
+    owners = np.array([thing.first for thing in model.objects])
+    starts = np.searchsorted(owners, jointed, side='right')
+    contact_exclusions.add_mechanisms(state, np.split(jointed, np.flatnonzero(np.diff(starts)) + 1))
     contact_exclusions.update(model, state)
 
 
 def _bodies(state: State, parts: np.ndarray) -> np.ndarray:
-    """Return the bodies of parts, or that of the ground, (K,)."""
+    """Return the bodies of parts, or that of the ground, of the same shape."""
     return np.where(parts == GROUND, World.ground, state.parts.body[parts])
 
 
@@ -190,14 +213,14 @@ def press_plates(model: Model, state: State, dt: float) -> None:
     if not len(loose):
         return
     parts = plates.part[loose]
-    force, moment, rate = _plate_forces(state, parts, plates.normal[loose], plates.area[loose])
+    place, force, moment, rate = _plate_forces(state, parts, plates.normal[loose], plates.area[loose])
     body, mass = state.parts.body[parts], state.parts.mass[parts]
     # Explicit, so no more than stops the plate in the air.
     share = (dt / np.maximum(1.0, rate * dt / mass))[:, None]
     felt = norm(force, axis=1) > _NEGLIGIBLE * mass
     state.world.wake(body[felt & rests])
     for row in np.flatnonzero(felt | ~rests).tolist():
-        change = bodies.velocity_change(int(body[row]), share[row] * force[row], None,
+        change = bodies.velocity_change(int(body[row]), share[row] * force[row], place[row],
                                         share[row] * moment[row])
         state.world.push(int(body[row]), change, bool(felt[row]))
 
@@ -215,15 +238,17 @@ def _mean_velocities(state: State, bodies: np.ndarray) -> np.ndarray:
 
 
 def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
-                  area: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+                  area: np.ndarray) -> tuple[np.ndarray, ...]:
     """
     Compute the force of the air on plates and its moment about their centres, world, (P, 3) each.
 
-    :returns: these [N], [N·m], and force over speed [N·s/m], (P,).
+    :returns: these centres [m], force and moment [N], [N·m], and force over speed [N·s/m], (P,).
     """
     columns, world, rows = state.parts, state.world, np.arange(len(parts))
     pose = rotation.compose(world.poses(columns.body[parts]), columns.local[parts])
     velocity = _mean_velocities(state, columns.body[parts])
+    velocity[:, :3] += np.cross(velocity[:, 3:],
+                                pose[:, :3] - world.poses(columns.body[parts])[:, :3])
     local = np.zeros((len(parts), len(_PATCHES), 3))
     for k in (1, 2):
         axis = (normal + k) % 3
@@ -236,7 +261,7 @@ def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
     speed = (slip * across).sum(axis=2)
     factor = 0.5 * AIR_DENSITY * PLATE_DRAG * area / len(_PATCHES)
     force = (factor[:, None] * np.abs(speed) * speed)[..., None] * across
-    return (force.sum(axis=1), np.cross(arm, force).sum(axis=1),
+    return (pose[:, :3], force.sum(axis=1), np.cross(arm, force).sum(axis=1),
             factor * np.abs(speed).sum(axis=1))
 
 
