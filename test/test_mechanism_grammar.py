@@ -59,7 +59,7 @@ def test_joints_have_the_values_of_the_text():
     made = build("""box a { size: 1, 1, 1  at: 0, 0, 3 }
         box b { size: 1, 1, 1  at: 2, 0, 3
             hinge h { to: a  at: 1, 0, 3  axis: 0, 2, 0  limits: -90, 180  spring: 5, 30  damper: 2
-                friction: 3  motor: 360, 40  strength: 100, 20  collides: 1 }
+                friction: 3  motor: 360, 40, 720  strength: 100, 20  collides: 1 }
             slider s { axis: 1, 0, 0  limits: -0.5, 0.5 }
             rope { to: ground  at: 2, 0, 3.5  end: 2, 0, 6  length: 3 }
             weld { to: a } }""")
@@ -70,7 +70,8 @@ def test_joints_have_the_values_of_the_text():
     first = {name: column[0] for name, column in vars(joints).items() if column.ndim == 1}
     assert first == pytest.approx({
         'kind': 2, 'low': -np.pi / 2, 'high': np.pi, 'stiffness': 5, 'rest': np.pi / 6,
-        'damping': 2, 'friction': 3, 'speed': 2 * np.pi, 'effort': 40, 'force': 100, 'moment': 20,
+        'damping': 2, 'friction': 3, 'speed': 2 * np.pi,
+        'fastest': 4 * np.pi, 'effort': 40, 'force': 100, 'moment': 20,
         'collides': True, 'name': 0})
     assert (joints.low[1], joints.high[1]) == (-0.5, 0.5)
     assert (joints.low[2], joints.high[2]) == (-np.inf, 3.0)

@@ -53,6 +53,7 @@ PUBLISHED = {
     '/sim/lidar': 'sensor_msgs/msg/PointCloud2',
     '/sim/wind_info': 'geometry_msgs/msg/Vector3Stamped',
     '/sim/intruder_wrench': 'geometry_msgs/msg/WrenchStamped',
+    '/sim/joint_states': 'sensor_msgs/msg/JointState',
     '/clock': 'rosgraph_msgs/msg/Clock',
     '/diagnostics': 'diagnostic_msgs/msg/DiagnosticArray',
 }
@@ -64,6 +65,7 @@ TAKEN = {
     '/sim/observer': 'geometry_msgs/msg/PoseStamped',
     '/sim/intruder': 'geometry_msgs/msg/PoseStamped',
     '/sim/downwash': 'geometry_msgs/msg/WrenchStamped',
+    '/sim/joint_command': 'sensor_msgs/msg/JointState',
 }
 SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),

@@ -245,7 +245,8 @@ class Joints(_Table):
     :ivar damping: [N·s/m], [N·m·s/rad], (J,).
     :ivar rest: displacement at which the spring is slack [m], [rad], (J,).
     :ivar friction: force or moment that friction bears [N], [N·m], (J,).
-    :ivar speed: of a motor [m/s], [rad/s], (J,).
+    :ivar speed: of a motor until it is driven [m/s], [rad/s], (J,).
+    :ivar fastest: speed at which the motor approaches a displacement [m/s], [rad/s], (J,).
     :ivar effort: greatest force or moment of the motor [N], [N·m], (J,); 0 = it has none.
     :ivar force: that breaks the joint [N], (J,); inf = never.
     :ivar moment: that breaks the joint, about its point [N·m], (J,); inf = never.
@@ -264,6 +265,7 @@ class Joints(_Table):
     rest: np.ndarray = _column()
     friction: np.ndarray = _column()
     speed: np.ndarray = _column()
+    fastest: np.ndarray = _column()
     effort: np.ndarray = _column()
     force: np.ndarray = _column()
     moment: np.ndarray = _column()

@@ -132,6 +132,11 @@ def _add_loads(group) -> None:
         rotors.add_argument(axis, type=number, help='[N], in the frame of the intruder')
     rotors.add_argument('--name', default='', help='of the intruder; that of intruder.* if not '
                         'given')
+    joint = group.add_parser('joint', help='drive a joint of a mechanism', epilog=(
+        'example: command joint crane/slew velocity 0.2'))
+    joint.add_argument('joint', help='<object>/<joint>, as on ~/joint_states')
+    joint.add_argument('mode', choices=('position', 'velocity', 'effort'))
+    joint.add_argument('value', type=number, help='[m] or [rad], [m/s] or [rad/s], [N] or [N·m]')
     explode = group.add_parser('explode', help='set off a charge',
                                epilog='example: command explode 3 2 0.5 --charge 5')
     for axis in 'xyz':

@@ -30,6 +30,7 @@ from procphys_ros.blueprint import (
     Plates,
     Shape,
 )
+from procphys_ros.elementary import cos, sin
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.mechanism.derivation import WrittenJoint, WrittenPart
@@ -38,6 +39,8 @@ from procphys_ros.wallgrammar.materials import Material
 _USUAL = {'box': 'timber', 'plate': 'timber', 'rod': 'steel', 'ball': 'steel', 'wheel': 'timber'}
 _ACROSS = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # z of a wheel's part along its axle
 _CORE = 0.55  # of a ball's diameter, edge of the box drawn inside its round skin
+_AXLE = 0.3  # of a wheel's diameter, that of the axle drawn inside its skin
+_SIDES = 24  # of the skin of a wheel
 
 
 def usual_material(part: WrittenPart) -> str:
@@ -63,6 +66,7 @@ def assemble(parts: Sequence[WrittenPart], joints: Sequence[WrittenJoint],
     poses[wheels, 3:] = rotation.multiply(poses[wheels, 3:], _ACROSS)
     sizes[wheels, 2] = np.maximum(sizes[wheels, 0], sizes[wheels, 2])
     drawn[balls] *= _CORE
+    drawn[wheels, :2] *= _AXLE
     texture = np.array([textures.index(m.texture or n) for n, m in materials.items()], np.int16)
     material = np.array([names.index(usual_material(part)) for part in parts], np.int16)
     table, joint_names = _joints(joints)
@@ -72,7 +76,7 @@ def assemble(parts: Sequence[WrittenPart], joints: Sequence[WrittenJoint],
         size=sizes, visual_size=drawn, density=density, mass=mass, inertia=inertia, poses=poses,
         kind=np.array([kinds.index(_kind(part)) for part in parts], np.int16), material=material,
         texture=texture[material], leaf_area=np.zeros(len(parts)),
-        ornaments=_skins(balls, sizes, texture[material]), joints=table, plates=_plates(parts),
+        ornaments=_skins(parts, sizes, texture[material]), joints=table, plates=_plates(parts),
         kinds=kinds, materials=names, textures=textures, joint_names=joint_names)
 
 
@@ -109,14 +113,30 @@ def _weights(parts: Sequence[WrittenPart], sizes: np.ndarray,
     return mass / volume, mass, inertia
 
 
-def _skins(balls: Sequence[int], sizes: np.ndarray, texture: np.ndarray) -> Ornaments:
-    """Cover balls by triangles, as blueprints have none."""
-    if not balls:
-        return Ornaments()
-    skin = round_skin()
-    part = np.repeat(np.array(balls, np.int32), len(skin))
-    triangles = 0.5 * sizes[part, :1] * np.tile(skin, (len(balls), 1))
-    return Ornaments(part, triangles, texture[part])
+def _skins(parts: Sequence[WrittenPart], sizes: np.ndarray, texture: np.ndarray) -> Ornaments:
+    """Cover balls and wheels by triangles, as blueprints have neither."""
+    part, triangles = [np.zeros(0, np.int32)], [np.zeros((0, 9))]
+    for i, written in enumerate(parts):
+        if written.kind == 'ball':
+            triangles.append(0.5 * sizes[i, 0] * round_skin())
+        elif written.kind == 'wheel':
+            triangles.append(_drum(0.5 * sizes[i, 0], 0.5 * written.numbers['width'][0]))
+        else:
+            continue
+        part.append(np.full(len(triangles[-1]), i, np.int32))
+    rows = np.concatenate(part)
+    return Ornaments(rows, np.concatenate(triangles), texture[rows])
+
+
+def _drum(radius: float, half: float) -> np.ndarray:
+    """Return the triangles of a drum about z, (4 `_SIDES`, 9)."""
+    turn = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    rim = np.column_stack([radius * cos(turn), radius * sin(turn)])
+    low, high = (np.column_stack([rim, np.full(_SIDES, z)]) for z in (-half, half))
+    after, above = np.roll(low, -1, axis=0), np.roll(high, -1, axis=0)
+    foot, top = (np.tile([0.0, 0.0, z], (_SIDES, 1)) for z in (-half, half))
+    return np.concatenate([np.hstack(corners) for corners in (
+        (low, after, above), (low, above, high), (top, high, above), (foot, after, low))])
 
 
 def _plates(parts: Sequence[WrittenPart]) -> Plates:
@@ -158,10 +178,10 @@ def _row(joint: WrittenJoint) -> dict[str, float | bool]:
         span = float(norm(joint.frame[:3] - joint.end))
         low, high = -np.inf, numbers.get('length', (span,))[0]
     stiffness, rest = (*numbers.get('spring', (0.0,)), 0.0)[:2]
-    speed, effort = numbers.get('motor', (0.0, 0.0))
+    speed, effort, fastest = (*numbers.get('motor', (0.0, 0.0)), np.inf)[:3]
     force, moment = (*numbers.get('strength', (np.inf,)), np.inf)[:2]
     return {'low': low * unit, 'high': high * unit, 'stiffness': stiffness, 'rest': rest * unit,
             'damping': numbers.get('damper', (0.0,))[0],
             'friction': numbers.get('friction', (0.0,))[0], 'speed': speed * unit,
-            'effort': effort, 'force': force, 'moment': moment,
+            'fastest': fastest * unit, 'effort': effort, 'force': force, 'moment': moment,
             'collides': numbers.get('collides', (0.0,))[0] != 0.0}

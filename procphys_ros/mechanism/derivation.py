@@ -285,11 +285,12 @@ class MechanismWriter:
         if low > high:
             raise joint.settings['limits'].place.error(f'limits are {low:g}, {high:g}: the first '
                                                        'must not be above the second')
-        for key, place in (('spring', 0), ('motor', 1)):
-            if key in numbers and numbers[key][place] < 0.0:
+        for key, place, name in (('spring', 0, 'stiffness'), ('motor', 1, 'force or moment'),
+                                 ('motor', 2, 'highest speed')):
+            if len(numbers.get(key, ())) > place and numbers[key][place] < 0.0:
                 raise joint.settings[key].place.error(
-                    f'{key} is {", ".join(f"{n:g}" for n in numbers[key])}: its '
-                    f'{"stiffness" if key == "spring" else "force or moment"} must be 0 or more')
+                    f'{key} is {", ".join(f"{n:g}" for n in numbers[key])}: its {name} must be 0 '
+                    'or more')
 
 
 def _pose(numbers: Mapping[str, tuple[float, ...]]) -> np.ndarray:

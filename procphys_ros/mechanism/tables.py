@@ -72,7 +72,7 @@ RANGES = {
     'spring': ValueRange((1, 2), -_HARDEST, _HARDEST, 'N/m or N·m/rad'),
     'damper': ValueRange((1,), 0.0, _HARDEST, 'N·s/m or N·m·s/rad'),
     'friction': ValueRange((1,), 0.0, _HARDEST, 'N or N·m'),
-    'motor': ValueRange((2,), -_HARDEST, _HARDEST, ''),
+    'motor': ValueRange((2, 3), -_HARDEST, _HARDEST, ''),
     'strength': ValueRange((1, 2), 0.0, _HARDEST, 'N and N·m'),
     'collides': ValueRange((1,), 0.0, 1.0, ''),
 }

@@ -129,6 +129,11 @@ def _downwash(remote: Any, said: argparse.Namespace) -> None:
     print(_SENT.format(topic='downwash'))
 
 
+def _joint(remote: Any, said: argparse.Namespace) -> None:
+    remote.drive(said.joint, said.mode, said.value)
+    print(_SENT.format(topic='joint_command'))
+
+
 def _explode(remote: Any, said: argparse.Namespace) -> None:
     place = (said.x, said.y, said.z)
     if said.charge is None:
@@ -227,7 +232,7 @@ def _switch(service: str, on: bool) -> Callable:
 _ARGUMENTS = {'position': 'from_'}
 _VERBS: dict[str, Callable] = {
     'wind': _wind, 'impulse': _on_part('impulse'), 'wrench': _on_part('wrench'),
-    'downwash': _downwash, 'explode': _explode, 'step': _step,
+    'downwash': _downwash, 'joint': _joint, 'explode': _explode, 'step': _step,
     'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
     'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
                                'position', 'velocity'),

@@ -19,12 +19,15 @@ from collections.abc import Callable
 import math
 
 from geometry_msgs.msg import Point, Pose, Vector3
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from procphys_ros.errors import CommandError
+from procphys_ros.scene.joint_drive import DriveJoint, MODES
 
 Triple = tuple[float, float, float]
 Act = Callable[[], str]  # executes a command and describes its result; CommandError = refused
+_MOST_JOINTS = 10_000  # in a message, as many as a mechanism has parts
 _LONGEST_NAME = 256  # [characters] of a part; those of the longest names in ROS
 
 
@@ -71,5 +74,38 @@ def part_name(text: str, where: str) -> str:
         raise CommandError(f'{where} is empty, it must name a part, such as oak_0/17')
     if len(text) > _LONGEST_NAME:
         raise CommandError(f'{where} has {len(text)} characters, the name of a part has at most '
+                           f'{_LONGEST_NAME}')
+    return text
+
+
+def joint_drives(message: JointState) -> list[DriveJoint]:
+    """
+    Read a command to joints: names, and a position, a velocity or an effort of each.
+
+    :raises CommandError: if there are no names, equal ones, not one kind of values, or not as many
+        as names; or if a value is not finite, or out of range.
+    """
+    names = list(message.name)
+    values = {mode: list(getattr(message, mode)) for mode in MODES}
+    given = [mode for mode in MODES if values[mode]]
+    if not 0 < len(names) <= _MOST_JOINTS:
+        raise CommandError(f'there are {len(names)} names of joints, there must be 1 to '
+                           f'{_MOST_JOINTS}')
+    if len(given) != 1:
+        raise CommandError(f'{" and ".join(given) or "nothing"} is given, it must be one of '
+                           f'{", ".join(MODES)}')
+    if len(values[given[0]]) != len(names):
+        raise CommandError(f'there are {len(values[given[0]])} values in {given[0]} for '
+                           f'{len(names)} names')
+    if len(set(names)) < len(names):
+        raise CommandError('a joint is named twice')
+    return [DriveJoint(joint_name(name), given[0], value)
+            for name, value in zip(names, values[given[0]])]
+
+
+def joint_name(text: str) -> str:
+    """Read the name of a joint; raise CommandError if it is longer than any name."""
+    if len(text) > _LONGEST_NAME:
+        raise CommandError(f'the name of a joint has {len(text)} characters, it has at most '
                            f'{_LONGEST_NAME}')
     return text

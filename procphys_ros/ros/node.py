@@ -84,6 +84,7 @@ class SimNode(Node):
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
         ~/lidar (sensor_msgs/PointCloud2, depth 5): ranges of the sensor of `lidar.*`, as an image
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): total wind at reference height
+        ~/joint_states (sensor_msgs/JointState, depth 5): hinges, sliders and ropes of mechanisms
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
         ~/intruders/<name>/wrench (geometry_msgs/WrenchStamped, depth 5): on a named one, likewise
@@ -102,6 +103,7 @@ class SimNode(Node):
         ~/intruder (geometry_msgs/PoseStamped): next pose of the body of `intruder.*`
         ~/intruders (geometry_msgs/PoseArray): the same for those of `intruders.names`, all at once
         ~/intruders/<name> (geometry_msgs/PoseStamped): the same for one of them
+        ~/joint_command (sensor_msgs/JointState): position, velocity or effort of joints, by name
         ~/downwash (geometry_msgs/WrenchStamped): thrust [N] of the rotors of the intruder
             header.frame_id ('' = that of `intruder.*`), in its frame
 

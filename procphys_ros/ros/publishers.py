@@ -22,7 +22,7 @@ from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Bool, String
 from visualization_msgs.msg import MarkerArray
 
@@ -68,6 +68,7 @@ class Publishers:
         self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
         self._ground = qos.publisher(node, MarkerArray, '~/ground', qos.latched())
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
+        self._joint_states = qos.publisher(node, JointState, '~/joint_states', qos.arrays())
         self._wrenches = {INTRUDER: qos.publisher(node, WrenchStamped, '~/intruder_wrench',
                                                   qos.arrays())}
         self._wrenches |= {name: qos.publisher(node, WrenchStamped, f'~/intruders/{name}/wrench',
@@ -182,6 +183,8 @@ class Publishers:
             self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
+        if len(simulation.state.mechanisms.joint) and self._joint_states.get_subscription_count():
+            self._publish_joints(simulation, at)
         if has_moved:
             self._publish_wrenches(simulation, at)
 
@@ -283,6 +286,15 @@ class Publishers:
         x, y, z = np.sum(simulation.wind.at_reference(simulation.time), axis=0).tolist()
         message.vector = Vector3(x=x, y=y, z=z)
         self._wind_info.publish(message)
+
+    def _publish_joints(self, simulation: Simulation, at: messages.Stamp) -> None:
+        message, joints = JointState(), simulation.joints
+        message.header.stamp.sec, message.header.stamp.nanosec = at
+        message.header.frame_id = self._frame
+        message.name = list(joints.names)
+        message.position, message.velocity, message.effort = (
+            column.tolist() for column in (joints.position, joints.velocity, joints.effort))
+        self._joint_states.publish(message)
 
     def _publish_wrenches(self, simulation: Simulation, at: messages.Stamp) -> None:
         for name, publisher in self._wrenches.items():

@@ -28,7 +28,7 @@ from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomi
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.task import Future
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 
@@ -146,6 +146,10 @@ class Remote:
         message.wrench.force = Vector3(**dict(zip('xyz', force)))
         message.wrench.torque = Vector3(**dict(zip('xyz', torque)))
         self._send(topic, message)
+
+    def drive(self, joint: str, mode: str, value: float) -> None:
+        """Drive a joint: 'position', 'velocity' or 'effort'; see `push`."""
+        self._send('joint_command', JointState(name=[joint], **{mode: [value]}))
 
     def explode(self, place: Sequence[float]) -> None:
         """Detonate `explosion.charge` at a point [m], (3,); see `push`."""

@@ -26,6 +26,7 @@ from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
 from procphys_ros.scene.intruder import Downwash
+from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
@@ -158,6 +159,14 @@ class Session:
         count = self.simulation.grow(wish.target, wish.rate, wish.years)
         return (f'{count} plants grow on for {wish.years} years, {wish.rate:g} a second'
                 if wish.rate else f'{count} plants stop')
+
+    def drive_joints(self, wishes: Sequence[DriveJoint]) -> str:
+        """Drive joints of mechanisms; none if one of them cannot be driven."""
+        for wish in wishes:
+            self.simulation.check_joint(wish)
+        for wish in wishes:
+            self.simulation.apply(wish)
+        return f'{len(wishes)} joints driven'
 
     def look_from(self, position: Sequence[float], orientation: Sequence[float]) -> str:
         """Move the observer to a position [m], (3,), with a quaternion xyzw."""

@@ -27,10 +27,18 @@ from geometry_msgs.msg import (
     WrenchStamped,
 )
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.commands import Command, CommandQueue
-from procphys_ros.ros.conversions import Act, check_frame, part_name, pose, triple
+from procphys_ros.ros.conversions import (
+    Act,
+    check_frame,
+    joint_drives,
+    part_name,
+    pose,
+    triple,
+)
 from procphys_ros.ros.receiver import Inlet, Receiver
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
@@ -70,6 +78,7 @@ class TopicCommands:
                                  ('explosion', PointStamped, self._explosion),
                                  ('observer', PoseStamped, self._observer),
                                  ('downwash', WrenchStamped, self._downwash),
+                                 ('joint_command', JointState, self._joint_command),
                                  (INTRUDER, PoseStamped, partial(self._intruder, INTRUDER))):
             self._subscribe(name, kind, read)
         for name in intruders:
@@ -134,6 +143,10 @@ class TopicCommands:
     def _downwash(self, message: WrenchStamped) -> Act:
         name = message.header.frame_id or INTRUDER
         return self._requests.drive_rotors(name, triple(message.wrench.force, 'thrust'))
+
+    def _joint_command(self, message: JointState) -> Act:
+        wishes = joint_drives(message)
+        return lambda: self._session.drive_joints(wishes)
 
     def _intruder(self, name: str, message: PoseStamped) -> Act:
         check_frame(message.header, self._frame)

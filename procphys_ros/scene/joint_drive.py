@@ -29,7 +29,7 @@ class DriveJoint:
     Let a joint move to a displacement, or at a speed, or drive it with a force or moment.
 
     A position or velocity is held with the force that the motor has; an effort above that is
-    limited to it. A position is approached at the speed of the motor, at any if it has none.
+    limited to it. A position is approached at the highest speed of the motor.
 
     :ivar target: name of the joint, `<object>/<joint>`.
     :ivar mode: 'position', 'velocity' or 'effort'.

@@ -89,6 +89,9 @@ def overloading(model: Model, state: State, struck: np.ndarray, grain: float,
     large = awake[(known.size[awake] >= 2.0 * grain) & ~struck[awake]
                   & (state.world.bodies.radius[awake] > _LONG)]
     chosen = np.union1d(large, _pressed(model, state, awake, dt))
+    weakest = state.loose_bonds.weakest  # inf in bodies of mechanisms, which have no bonds
+    chosen = chosen[np.array([np.isfinite(weakest[known.members[body]]).any()
+                              for body in chosen.tolist()], bool)]
     waits = {blow.body for blow in own.waiting}
     samples, due = {}, []
     felt = _contacts_of(state.world.contacts(), dt, own.poses, chosen)[0] if len(chosen) else []

@@ -131,7 +131,8 @@ def _exclude(model: Model, state: State, pairs: np.ndarray) -> None:
     jointed = np.unique(pairs[pairs != GROUND])
     owners = np.array([thing.first for thing in model.objects])
     starts = np.searchsorted(owners, jointed, side='right')
-    contact_exclusions.add_mechanisms(state, np.split(jointed, np.flatnonzero(np.diff(starts)) + 1))
+    ends = np.flatnonzero(np.diff(starts)) + 1
+    contact_exclusions.add_mechanisms(state, np.split(jointed, ends))
     contact_exclusions.update(model, state)
 
 
@@ -158,7 +159,7 @@ def drive_motors(model: Model, state: State, dt: float) -> None:
     speed, target = own.speed[alive], own.target[alive]
     aimed = ~np.isnan(target)
     wanted = (target[aimed] - world.joints.way[ids[aimed]]) / dt
-    most = np.where(joints.speed[aimed] == 0.0, np.inf, np.abs(joints.speed[aimed]))
+    most = joints.fastest[aimed]
     speed[aimed] = np.clip(wanted, -most, most)
     pushed = own.applied[alive] != 0.0
     world.set_motors(ids, *_motors(joints, speed, np.where(pushed, 0.0, own.effort[alive])))
@@ -213,16 +214,24 @@ def press_plates(model: Model, state: State, dt: float) -> None:
     if not len(loose):
         return
     parts = plates.part[loose]
-    place, force, moment, rate = _plate_forces(state, parts, plates.normal[loose], plates.area[loose])
+    place, force, moment, rate = _plate_forces(state, parts, plates.normal[loose],
+                                               plates.area[loose])
     body, mass = state.parts.body[parts], state.parts.mass[parts]
     # Explicit, so no more than stops the plate in the air.
     share = (dt / np.maximum(1.0, rate * dt / mass))[:, None]
     felt = norm(force, axis=1) > _NEGLIGIBLE * mass
     state.world.wake(body[felt & rests])
-    for row in np.flatnonzero(felt | ~rests).tolist():
-        change = bodies.velocity_change(int(body[row]), share[row] * force[row], place[row],
-                                        share[row] * moment[row])
-        state.world.push(int(body[row]), change, bool(felt[row]))
+    used = np.flatnonzero(felt | ~rests)
+    ids, owner = np.unique(body[used], return_inverse=True)
+    wrench, stirs = np.zeros((len(ids), 6)), np.zeros(len(ids), bool)
+    arm = place[used] - bodies.poses[body[used], :3]
+    np.add.at(wrench, owner, share[used] * np.hstack([
+        force[used], moment[used] + np.cross(arm, force[used])]))
+    np.logical_or.at(stirs, owner, felt[used])
+    turn = bodies.poses[ids, 3:]
+    spin = rotation.rotate(rotation.conjugate(turn), wrench[:, 3:]) / bodies.inertia[ids]
+    state.world.push(ids, np.hstack([wrench[:, :3] / bodies.mass[ids, None],
+                                     rotation.rotate(turn, spin)]), stirs)
 
 
 def _mean_velocities(state: State, bodies: np.ndarray) -> np.ndarray:
@@ -318,9 +327,9 @@ def read_joints(model: Model, state: State) -> JointReadings:
                          + own.applied[rows])
 
 
-def command(model: Model, state: State, wish: DriveJoint) -> None:
+def find(model: Model, state: State, wish: DriveJoint) -> int:
     """
-    Drive a joint from now on; writes `state.mechanisms`, and wakes its bodies.
+    Return the row of a joint that can be driven.
 
     :raises CommandError: if there is no such joint, it has broken, or has no motor.
     """
@@ -332,9 +341,19 @@ def command(model: Model, state: State, wish: DriveJoint) -> None:
     row = known.index(wish.target)
     if own.joint[row] < 0:
         raise CommandError(f'{wish.target} has broken')
-    most = joints.effort[row]
-    if joints.kind[row] not in _DRIVEN or most == 0.0:
+    if joints.kind[row] not in _DRIVEN or joints.effort[row] == 0.0:
         raise CommandError(f'{wish.target} has no motor; a hinge or a slider with "motor:" has')
+    return row
+
+
+def command(model: Model, state: State, wish: DriveJoint) -> None:
+    """
+    Drive a joint from now on; writes `state.mechanisms`, and wakes its bodies.
+
+    :raises CommandError: see `find`.
+    """
+    row, own = find(model, state, wish), state.mechanisms
+    most = model.blueprint.joints.effort[row]
     own.speed[row] = own.applied[row] = 0.0
     own.target[row], own.effort[row] = np.nan, most
     if wish.mode == 'position':

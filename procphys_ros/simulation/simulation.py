@@ -429,3 +429,7 @@ class Simulation(Readings):
             is out of range.
         """
         self.apply(DriveJoint(joint, mode, value))
+
+    def check_joint(self, wish: DriveJoint) -> None:
+        """Raise CommandError if a joint cannot be driven."""
+        mechanisms.find(self.model, self.state, wish)

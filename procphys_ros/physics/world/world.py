@@ -344,15 +344,14 @@ class World:
         change = self._bodies.velocity_change(body, impulse, point, angular)
         self.set_velocities(np.array([body]), self._bodies.velocities[[body]] + change)
 
-    def push(self, body: int, change: np.ndarray, stirs: bool = True) -> None:
+    def push(self, ids: np.ndarray, change: np.ndarray, stirs: np.ndarray) -> None:
         """
-        Add to the velocity of a free body, world axes, (6,).
+        Add to the velocities of free bodies, world axes, (K, 6).
 
-        :param stirs: whether this resets its sleep clock.
+        :param stirs: whether this resets their sleep clocks, (K,) bool.
         """
-        moving = self._bodies.velocities[[body]] + change
-        write = self.set_velocities if stirs else self._write_velocities
-        write(np.array([body]), moving)
+        self._bodies.quiet[ids[stirs]] = 0.0
+        self._write_velocities(ids, self._bodies.velocities[ids] + change)
 
     def exclude_contacts(self, pairs: np.ndarray) -> None:
         """
