@@ -62,7 +62,8 @@ def stand_on(terrain: Terrain, placed: Blueprint, name: str) -> Blueprint:
     Place an object on the ground: its heights count from there.
 
     Plants are raised one by one, by the ground at their roots. A building is raised as a whole
-    by the highest ground under its plan, and gets footings where the ground is lower.
+    by the highest ground under its plan, and gets footings where the ground is lower. A mechanism
+    is raised as a whole by the highest ground under the parts that are tied to it.
 
     :param terrain: the surface of the ground.
     :param placed: the object over level ground.
@@ -72,9 +73,13 @@ def stand_on(terrain: Terrain, placed: Blueprint, name: str) -> Blueprint:
     if terrain.is_flat or not len(placed):
         return placed
     mortar = placed.bond_law == Law.MORTAR
-    based = placed.bonds[(placed.bonds[:, 0] == GROUND), 1]
+    tied = np.concatenate([placed.bonds, placed.joints.parts])
+    based = tied[tied[:, 0] == GROUND, 1]
     feet = based if len(based) else np.array([int(np.argmin(placed.poses[:, 2]))])
     _check_inside(terrain, placed.poses[feet, :2], name)
+    if len(placed.joints):
+        lift = float(terrain.height(placed.poses[feet, :2]).max())
+        return _raised(placed, np.full(len(placed), lift))
     if not mortar.any():
         return _raised(placed, _of_plants(terrain, placed))
     base = placed.bonds[mortar & (placed.bonds[:, 0] == GROUND), 1]
@@ -96,12 +101,15 @@ def _check_inside(terrain: Terrain, places: np.ndarray, name: str) -> None:
 
 
 def _raised(blueprint: Blueprint, lift: np.ndarray) -> Blueprint:
-    """Lift each part by its own height [m], (N,), and bonds with their second parts."""
+    """Lift each part by its own height [m], (N,), bonds and joints with their second parts."""
     poses, frames = blueprint.poses.copy(), blueprint.bond_frame.copy()
+    joints = blueprint.joints.frame.copy()
+    joints[:, 2] += lift[blueprint.joints.parts[:, 1]]
     poses[:, 2] += lift
     if len(frames):
         frames[:, 2] += lift[blueprint.bonds[:, 1]]
-    return replace(blueprint, poses=poses, bond_frame=frames)
+    return replace(blueprint, poses=poses, bond_frame=frames,
+                   joints=replace(blueprint.joints, frame=joints))
 
 
 def _of_plants(terrain: Terrain, placed: Blueprint) -> np.ndarray:

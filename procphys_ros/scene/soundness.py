@@ -18,7 +18,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, GROUND, Shape
+from procphys_ros.blueprint import Blueprint, GROUND, JointType, Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry.linear import norm
 
@@ -32,6 +32,8 @@ _MORTAR = {'tension': 'strength', 'cohesion': 'strength', 'friction': 'least',
            'reinforcement': 'least'}
 _HINGES = {'swing_limit': 'above', 'swing_stiffness': 'above', 'preload': 'least',
            'cling': 'least'}
+_JOINTS = {'stiffness': 'least', 'damping': 'least', 'friction': 'least', 'effort': 'least',
+           'fastest': 'strength', 'force': 'strength', 'moment': 'strength'}
 _LEAVES = {'size': 'least', 'shedding_speed': 'least'}
 _WORDS = {'above': 'finite and above 0', 'least': 'finite and 0 or more', 'strength': '0 or more'}
 
@@ -58,13 +60,30 @@ def check_blueprint(name: str, blueprint: Blueprint) -> None:
     _check_numbers(f'{name}: hinge', blueprint.hinges, _HINGES)
     _check_numbers(f'{name}: leaf', blueprint.leaves, _LEAVES)
     _check_poses(f'{name}: leaf', 'pose', blueprint.leaves.pose)
+    _check_joints(name, blueprint)
     for what, column in (('ornaments', 'triangle'), ('hexahedra', 'corners')):
         value = getattr(getattr(blueprint, what), column)
         _demand(np.isfinite(value), f'{name}: {what}', column, value, 'finite')
-    for what in ('leaves', 'ornaments', 'hexahedra'):
+    for what in ('leaves', 'ornaments', 'hexahedra', 'plates'):
         _check_range(f'{name}: {what}', 'part', getattr(blueprint, what).part, parts)
     for what in ('leaves', 'ornaments'):
         _check_range(f'{name}: {what}', 'texture', getattr(blueprint, what).texture, len(names))
+
+
+def _check_joints(name: str, blueprint: Blueprint) -> None:
+    joints, parts, what = blueprint.joints, len(blueprint), f'{name}: joint'
+    _check_numbers(what, joints, _JOINTS)
+    _check_poses(what, 'frame', joints.frame)
+    _demand(np.isfinite(joints.anchor), what, 'anchor', joints.anchor, 'finite')
+    _demand(joints.low <= joints.high, what, 'low', joints.low, 'no more than high')
+    first, second = joints.parts.T
+    _demand((first >= GROUND) & (second >= 0) & (joints.parts < parts).all(axis=1)
+            & (first != second), what, 'parts', joints.parts,
+            f'two different parts, 0 to {parts - 1}, or {GROUND}, the ground, and a part')
+    _check_range(what, 'kind', joints.kind - np.uint8(1), len(JointType))
+    _check_range(what, 'name', joints.name, len(blueprint.joint_names))
+    _check_numbers(f'{name}: plate', blueprint.plates, {'area': 'least'})
+    _check_range(f'{name}: plate', 'normal', blueprint.plates.normal, 3)
 
 
 def _check_numbers(what: str, table: object, rules: Mapping[str, str]) -> None:

@@ -83,6 +83,21 @@ _HILL: dict[str, Any] = {
                 'grammar_text': _SAPLINGS['sapling']['grammar_text']}}
 
 
+# A flap in the wind on a frame whose parts overlap.
+_FLAP: dict[str, Any] = {
+    'scene': {'objects': ['flap']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'flap': {'grammar_text': """
+mechanism flap {
+    box post { size: 0.1, 0.1, 2  at: 0, 0, 1  weld {} }
+    box beam { size: 1, 0.1, 0.1  at: 0.5, 0, 1.95  weld { to: post } }
+    rod stay { from: 0, 0, 1.2  to: 0.7, 0, 1.95  diameter: 0.05
+        weld { to: ground  strength: 1e6 } }
+    plate flap { size: 0.8, 0.01, 0.6  at: 0.55, 0, 1.55
+        hinge { to: beam  at: 0.55, 0, 1.9  axis: 1, 0, 0  strength: 5 } }
+}
+"""}}
+
+
 def step_trees() -> None:
     """Compile the step of trees, which takes longest, by stepping none."""
     plan, *where = _tree(0)
@@ -157,6 +172,12 @@ def grow_beside() -> None:
     simulation = Simulation(Scene.from_parameters(_ASKING))
     simulation.grow(rate=30.0, years=1)
     simulation.step(3)
+
+
+def flap_in_wind() -> None:
+    """Let a flap swing in the wind, tear off and meet its frame."""
+    simulation = Simulation(Scene.from_parameters(_FLAP))
+    simulation.step(40)
 
 
 def break_trees() -> None:
@@ -279,6 +300,6 @@ def _shipped(name: str) -> Simulation:
 SCENES: dict[str, Callable[[], None]] = {
     scene.__name__.replace('_', ' '): scene
     for scene in (step_trees, pile_up, lie_down, sway, touch_trees, strike_twig, crack_wall,
-                  merge_bricks, erode_hill, break_trees, grow_beside, wreck_cottage,
-                  demolish_on_hill)}
+                  merge_bricks, erode_hill, flap_in_wind, break_trees, grow_beside,
+                  wreck_cottage, demolish_on_hill)}
 """By name; the first is what a node that starts comes to last."""

@@ -322,6 +322,10 @@ class BulletEngine:
         for handle, velocity in zip(self._handles[ids].tolist(), velocities.tolist()):
             pybullet.resetBaseVelocity(handle, velocity[:3], velocity[3:], **self._to)
 
+    def respond(self, change: np.ndarray) -> np.ndarray:
+        """Return changes of velocity, by id, (B, 6); there are no joints."""
+        return change
+
     def set_joints(self, joints: JointTable) -> None:
         """Ignore joints, which this engine does not support."""
 

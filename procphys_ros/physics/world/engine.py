@@ -105,6 +105,9 @@ class Engine(Protocol):
     def set_joints(self, joints: JointTable) -> None:
         """Set the joints between bodies, if supported; the engine writes their state there."""
 
+    def respond(self, change: np.ndarray) -> np.ndarray:
+        """Return changes of velocity, by id, (B, 6), with what joints add, if supported."""
+
     def step(self, time_step: float, looked: Looked | None = None) -> None:
         """
         Advance time [s]; write poses and velocities of the table.

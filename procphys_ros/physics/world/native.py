@@ -31,6 +31,7 @@ from procphys_ros.physics.rigid.contacts import (
     split_key,
 )
 from procphys_ros.physics.rigid.islands import Islands, upwards
+from procphys_ros.physics.rigid.joint_response import respond
 from procphys_ros.physics.rigid.joints import along_chains, JointRows, no_joints
 from procphys_ros.physics.rigid.pieces import BOX, HEXAHEDRON, no_pieces, PieceRows, place, ROUND
 from procphys_ros.physics.rigid.reduction import spanning
@@ -226,6 +227,26 @@ class NativeEngine:
     def set_joints(self, joints: JointTable) -> None:
         """Set the joints between bodies; displacements, forces and moments are written there."""
         self._joints = joints
+
+    def respond(self, change: np.ndarray) -> np.ndarray:
+        """
+        Return changes of velocity with what joints add to them.
+
+        :param change: of all bodies, by id, world axes, (B, 6); only those of awake ones count.
+        """
+        table = self._table
+        free = table.awake
+        place_of = np.full(len(table.state), len(free))
+        place_of[free] = np.arange(len(free))
+        bodies = MovingBodies(
+            np.append(table.mass[free], np.inf),
+            np.concatenate([table.inertia[free], np.full((1, 3), np.inf)]),
+            np.concatenate([table.poses[free], _NOWHERE]),
+            np.concatenate([change[free], np.zeros((1, 6))]))
+        respond(bodies, len(free), self._pulling(place_of, len(free))[1])
+        out = change.copy()
+        out[free] = bodies.velocity[:-1]
+        return out
 
     def step(self, time_step: float, looked: Looked | None = None) -> None:
         """Advance time [s]; see `Engine.step`."""

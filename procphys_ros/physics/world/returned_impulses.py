@@ -44,13 +44,13 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     """
     Undo the part of each impulse that the bonds of a side could not transmit.
 
-    A body whose impulses all keep the same share keeps that share of its change of velocity.
-    Else the parts are summed, with the arms at the start of the step. Bodies supported by a part
-    that gives way now did not fall in this step, so gravity adds no speed to them. A body squeezed
-    between a piece and the ground transmits a smaller impulse, too, or it would shoot out: the
-    share of a piece holds for all contacts of the chain of bodies that it pressed on. No group of
-    bodies gains energy: where bodies that share contacts would, less is returned to all of them,
-    so that momentum is kept.
+    A body without joints whose impulses all keep the same share keeps that share of its change of
+    velocity. Else the parts are summed, with the arms at the start of the step, and joints answer
+    to them as they did to the impulses. Bodies supported by a part that gives way now did not fall
+    in this step, so gravity adds no speed to them. A body squeezed between a piece and the ground
+    transmits a smaller impulse, too, or it would shoot out: the share of a piece holds for all
+    contacts of the chain of bodies that it pressed on. No group of bodies gains energy: where
+    bodies that share contacts would, less is returned to all of them, so that momentum is kept.
 
     Writes velocities of bodies.
 
@@ -69,6 +69,7 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
                                before.poses, len(share))
     ids = np.flatnonzero(((most > 0.0) | (least < 1.0)) & loose)
     keeps = np.where(least == most, least, np.nan)
+    keeps[world.jointed] = np.nan  # joints have changed their velocities, too
     lift = (1.0 - share) * fall
     given = _given(ids, total, keeps, jump, lift, bodies.mass, bodies.inertia, bodies.poses)
     one = np.where(loose[pairs[0]], pairs[0], pairs[1])
@@ -80,7 +81,7 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
         given *= part[group[ids], None]
         returned *= part[group[one]]
     changed = least[ids] < 1.0
-    world.set_velocities(ids[changed], bodies.velocities[ids[changed]] + given[changed])
+    world.add_velocities(ids[changed], given[changed])
     return 1.0 - returned
 
 

@@ -106,6 +106,12 @@ class World:
         return self._joints.rows
 
     @property
+    def jointed(self) -> np.ndarray:
+        """Ids of the bodies with joints that hold, ascending, (K,)."""
+        rows, ids = self.joints, self._joints.holding
+        return np.union1d(rows.first[ids], rows.second[ids])
+
+    @property
     def asleep(self) -> Contacts:
         """Contacts with which bodies fell asleep; their impulses are those of one second."""
         return Contacts.of(self._asleep, 1.0)
@@ -343,6 +349,20 @@ class World:
             self.thaw(np.array([body]))
         change = self._bodies.velocity_change(body, impulse, point, angular)
         self.set_velocities(np.array([body]), self._bodies.velocities[[body]] + change)
+
+    def add_velocities(self, ids: np.ndarray, change: np.ndarray) -> None:
+        """
+        Add to the velocities of loose bodies, world axes, (K, 6), with what their joints add.
+
+        Like `set_velocities`, this resets sleep clocks.
+        """
+        if np.isin(ids, self.jointed).any():
+            whole = np.zeros((len(self._bodies.velocities), 6))
+            whole[ids] = change
+            whole = self._engine.respond(whole)
+            ids = np.flatnonzero(whole.any(axis=1))
+            change = whole[ids]
+        self.set_velocities(ids, self._bodies.velocities[ids] + change)
 
     def push(self, ids: np.ndarray, change: np.ndarray, stirs: np.ndarray) -> None:
         """
