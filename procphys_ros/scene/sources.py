@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from procphys_ros.scans import ScannedTree
     from procphys_ros.wallgrammar import WallGrammar
 
-    Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar] | type[ScannedTree]
+    Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar]
 
 _LSYSTEM, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
 SCANS = ('.csv', '.mtg', '.ply')  # of trees
@@ -63,7 +63,7 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
 
 
 def _language_of(name: str, key: str,
-                 path: Path) -> 'Language':
+                 path: Path) -> 'Language | type[ScannedTree]':
     if path.suffix == PLAN:
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
