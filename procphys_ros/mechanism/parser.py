@@ -249,8 +249,8 @@ class _MechanismReader:
         settings, inner = self.block(block, known)
         if inner:
             raise self.place(inner[0]).error('nothing stands inside a joint but keys')
-        check_keys(settings, JOINT_KEYS[kind], JOINT_NEEDS.get(kind, ()),
-                          f'{kind} joint' if kind == 'ball' else kind, place)
+        what = 'ball joint' if kind == 'ball' else kind
+        check_keys(settings, JOINT_KEYS[kind], JOINT_NEEDS.get(kind, ()), what, place)
         return JointStatement(kind, self.name(name), settings, place)
 
     def name(self, token: Node) -> str:
