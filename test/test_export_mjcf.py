@@ -24,6 +24,7 @@ import pytest
 
 from procphys_ros.export import Content
 from procphys_ros.export.mjcf import write_mjcf
+from procphys_ros.mechanism import MechanismGrammar
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -163,3 +164,33 @@ def test_broken_bonds_are_no_welds(tmp_path):
     assert model.nbody - 1 == len(content.blueprint) - 1
     touched = (content.blueprint.bonds == 3).any(axis=1)
     assert model.neq == np.count_nonzero(~broken & ~touched)
+
+
+def test_a_mechanism_hangs_on_its_joints(tmp_path):
+    """Swing a double pendulum, closed by a weld to a ball, in both programs for half a second."""
+    text = """mechanism m {
+        rod one { from: 0, 0, 5  to: 1, 0, 5  diameter: 0.08
+            hinge h { at: 0, 0, 5  axis: 0, 1, 0  limits: -200, 200  motor: 0, 7 } }
+        rod two { from: 1, 0, 5  to: 2, 0, 5  diameter: 0.08  ball { to: one  at: 1, 0, 5 } }
+        ball bob { diameter: 0.3  at: 2, 0, 5  weld { to: two } }
+        rod stay { from: 1, 0, 5  to: 1, 0, 5.5  diameter: 0.05  weld { to: one }
+            ball { to: two  at: 1, 0, 5 } } }"""
+    scene = scene_of(m=MechanismGrammar.parse(text).build())
+    simulation = Simulation(scene)
+    simulation.drive_joint('m/h', 'effort', 0.0)
+    simulation.step(10)
+    path, content = written(simulation, tmp_path / 'machine.xml')
+    model, data = load(path)
+    mine = bodies(model, content)
+    assert np.allclose(data.xpos[mine], content.poses[:, :3], atol=1e-6)
+    assert data.qpos[0] == pytest.approx(simulation.joints.position[0], abs=1e-6)
+    assert model.jnt_range[0] == pytest.approx(np.radians([-200.0, 200.0]))
+    assert model.actuator_ctrlrange[0] == pytest.approx([-7.0, 7.0])
+    assert (model.njnt, model.neq) == (2, 1)
+    data.qvel[0] = simulation.joints.velocity[0]
+    fallen = simulation.poses[2, 2]
+    simulation.step(12)
+    for _ in range(round(0.2 / model.opt.timestep)):
+        mujoco.mj_step(model, data)
+    assert data.xpos[mine[2], 2] < fallen - 0.1
+    assert data.qpos[0] == pytest.approx(simulation.joints.position[0], rel=0.1)

@@ -25,7 +25,7 @@ from procphys_ros.blueprint import Blueprint, GROUND
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import mechanisms, Simulation
 
 Report = Callable[[float, float], None]  # amount done and total amount
 
@@ -44,6 +44,7 @@ class Content:
     :ivar time: simulated time since the start at rest [s].
     :ivar terrain: the surface of the ground.
     :ivar paving: of the ground.
+    :ivar torn: joints of mechanisms that have broken, (T,) indices.
     """
 
     blueprint: Blueprint
@@ -55,6 +56,7 @@ class Content:
     time: float = 0.0
     terrain: Terrain = FLAT
     paving: Sequence[Paving] = ()
+    torn: Sequence[int] = ()
 
     @classmethod
     def at_rest(cls, scene: Scene) -> 'Content':
@@ -74,7 +76,8 @@ class Content:
         return cls(simulation.blueprint, list(simulation.objects), simulation.poses.copy(),
                    simulation.leaf_poses(), broken, simulation.scene.settings.gravity,
                    simulation.time, simulation.scene.settings.terrain,
-                   simulation.scene.paving)
+                   simulation.scene.paving,
+                   mechanisms.torn(simulation.model, simulation.state).tolist())
 
     @classmethod
     def at(cls, scene: Scene, time: float, report: Report) -> 'Content':
@@ -110,6 +113,22 @@ class Content:
         first, second = self.blueprint.bonds.T
         there = np.append(self.exists, True)  # the last entry is the ground
         return ~self.broken & there[first] & there[second]
+
+    @cached_property
+    def joints_hold(self) -> np.ndarray:
+        """Mark the joints of mechanisms that hold existing parts, (J,) bool."""
+        first, second = self.blueprint.joints.parts.T
+        there = np.append(self.exists, True)
+        out = there[first] & there[second]
+        out[np.asarray(self.torn, np.intp)] = False
+        return out
+
+    @cached_property
+    def joint_names(self) -> list[str]:
+        """Names of all joints of mechanisms, `<object>/<joint>`."""
+        joints = self.blueprint.joints
+        return [f'{self.objects[self.owner[part]].name}/{self.blueprint.joint_names[name]}'
+                for part, name in zip(joints.parts[:, 1].tolist(), joints.name.tolist())]
 
     @cached_property
     def part_names(self) -> list[str]:

@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""MJCF: a scene as a MuJoCo model; trees hang on sprung hinges, masonry is welded."""
+"""
+MJCF: a scene as a MuJoCo model; trees hang on sprung hinges, masonry is welded.
+
+Mechanisms are trees of bodies with their joints, and constraints that close loops.
+"""
 
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
@@ -20,10 +24,11 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 
 from procphys_ros.appearance.palette import rgba
-from procphys_ros.blueprint import GROUND, Law, Shape
+from procphys_ros.blueprint import GROUND, JointType, Law, Shape
 from procphys_ros.export.articulation import articulate, Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import child, text, write
+from procphys_ros.export.mechanism_tree import mechanism_tree, MechanismTree
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
@@ -33,6 +38,7 @@ _STEPS_PER_RADIAN = 4.0  # of the fastest joint: MuJoCo steps springs explicitly
 # courses sinks by 5 µm (MuJoCo's default 0.9 lets it sink by 5 mm).
 _WELD = {'solref': '0.004 1', 'solimp': '0.9999 0.9999 0.001'}
 _THINNEST = 0.1  # [m] of hills, and of the base below the lowest point of a height field
+_HINGE_WIDTH = 0.1  # [m] between the points of a hinge that closes a loop
 _TREE, _SOLID = '2', '1'  # contact types: trees collide with solids, but not with each other
 _NOTE = 'Units: m, kg, s, rad. Bodies sit at centres of mass; springs are preloaded by weight.'
 
@@ -63,11 +69,16 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
     child(world, 'light', pos='0 0 50', dir='0 0.3 -1', directional='true')
     _ground(content.terrain, assets, world)
     bodies = _trees(content, joints, world)
-    _bricks(content, joints, world, report, hulls)
+    machine = mechanism_tree(content)
+    _bricks(content, np.append(joints.part, machine.parts), world, report, hulls)
+    _mechanisms(content, machine, world)
     contact = child(root, 'contact')
     for row in np.flatnonzero(joints.parent == CLAMPED):
         child(contact, 'exclude', body1='world', body2=bodies[row].attrib['name'])
-    _welds(content, child(root, 'equality'))
+    equality = child(root, 'equality')
+    _welds(content, equality)
+    _close(content, machine, equality, contact)
+    _motors(content, machine, root)
     write(root, path, _NOTE)
 
 
@@ -141,11 +152,80 @@ def _hulls(content: Content, assets: ElementTree.Element) -> dict[int, str]:
     return names
 
 
-def _bricks(content: Content, joints: Articulation, world: ElementTree.Element,
+def _mechanisms(content: Content, machine: MechanismTree, world: ElementTree.Element) -> None:
+    """Nest the bodies of mechanisms; a body without joints is welded to its parent."""
+    joints, bodies = content.blueprint.joints, {GROUND: world}
+    for part, own in zip(machine.parts.tolist(), machine.joint.tolist()):
+        outer = GROUND if own < 0 else int(joints.parts[own, 0])
+        pose = content.poses[part]
+        if outer != GROUND:
+            pose = rotation.relative(content.poses[outer], pose)
+        bodies[part] = body = _body(content, part, pose, bodies[outer])
+        if own < 0:
+            child(body, 'freejoint')
+        elif joints.kind[own] == JointType.BALL:
+            child(body, 'joint', name=content.joint_names[own], type_='ball',
+                  pos=text(*machine.seats[own, :3]))
+        elif joints.kind[own] != JointType.WELD:
+            _along(content, machine, own, body)
+        _geom(content, part, 'solid', body)
+
+
+def _along(content: Content, machine: MechanismTree, joint: int,
+           body: ElementTree.Element) -> None:
+    """Add a hinge or a slider at its present displacement."""
+    table = content.blueprint.joints
+    low, high = float(table.low[joint]), float(table.high[joint])
+    limits = {'range': text(low, high)} if np.isfinite([low, high]).all() else {}
+    child(body, 'joint', name=content.joint_names[joint],
+          type_='hinge' if table.kind[joint] == JointType.HINGE else 'slide',
+          axis=text(*machine.axis(joint)), pos=text(*machine.seats[joint, :3]),
+          stiffness=text(table.stiffness[joint]), damping=text(table.damping[joint]),
+          frictionloss=text(table.friction[joint]), ref=text(machine.value[joint]),
+          springref=text(table.rest[joint]), **limits)
+
+
+def _close(content: Content, machine: MechanismTree, equality: ElementTree.Element,
+           contact: ElementTree.Element) -> None:
+    """
+    Close the loops of mechanisms by constraints, and let jointed bodies pass through each other.
+
+    Hinges keep two points of their axis together. Sliders and ropes in loops are left out.
+    """
+    names, joints = content.full_names, content.blueprint.joints
+    for joint in machine.loops.tolist():
+        first, second = joints.parts[joint].tolist()
+        ends = {'body1': names[second]} | ({} if first == GROUND else {'body2': names[first]})
+        name, seat = content.joint_names[joint], machine.seats[joint, :3]
+        kind = joints.kind[joint]
+        if kind == JointType.WELD:
+            child(equality, 'weld', name=name, anchor=text(*seat), **ends)
+        elif kind in (JointType.BALL, JointType.HINGE):
+            child(equality, 'connect', name=name, anchor=text(*seat), **ends)
+        if kind == JointType.HINGE:
+            child(equality, 'connect', name=f'{name}_axis', **ends,
+                  anchor=text(*(seat + _HINGE_WIDTH * machine.axis(joint))))
+        if not joints.collides[joint] and first != GROUND:
+            child(contact, 'exclude', body1=names[first], body2=names[second])
+
+
+def _motors(content: Content, machine: MechanismTree, root: ElementTree.Element) -> None:
+    """Add an actuator for each motor, whose control is a force or moment [N], [N·m]."""
+    effort = content.blueprint.joints.effort
+    driven = [joint for joint in machine.joint.tolist() if joint >= 0 and effort[joint] > 0.0]
+    if driven:
+        actuator = child(root, 'actuator')
+        for joint in driven:
+            name = content.joint_names[joint]
+            child(actuator, 'motor', name=name, joint=name,
+                  ctrlrange=text(-effort[joint], effort[joint]))
+
+
+def _bricks(content: Content, others: np.ndarray, world: ElementTree.Element,
             report: Report, hulls: dict[int, str]) -> None:
-    """Add every part that is not a branch as a free body."""
+    """Add every part that is neither a branch nor jointed as a free body."""
     mine = content.exists.copy()
-    mine[joints.part] = False
+    mine[others] = False
     parts = np.flatnonzero(mine)
     for done, part in enumerate(parts.tolist(), 1):
         body = _body(content, part, content.poses[part], world)

@@ -295,6 +295,12 @@ def break_overloaded(model: Model, state: State, dt: float) -> None:
     contact_exclusions.update(model, state)
 
 
+def torn(model: Model, state: State) -> np.ndarray:
+    """Return the joints that have broken, or whose parts are gone, (K,) rows."""
+    ends = _bodies(state, model.blueprint.joints.parts)
+    return np.flatnonzero((state.mechanisms.joint < 0) & (ends[:, 0] != ends[:, 1]))
+
+
 def names(model: Model, state: State) -> list[str]:
     """Return the names of all joints, `<object>/<joint>`, by row."""
     source = model.blueprint

@@ -1,0 +1,84 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Mechanism tree: parts of mechanisms as nested bodies; joints that close loops are apart."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from procphys_ros.blueprint import GROUND, JointType
+from procphys_ros.elementary import atan2
+from procphys_ros.export.content import Content
+from procphys_ros.geometry import rotation
+
+_AXIS = np.array([1.0, 0.0, 0.0])
+
+
+@dataclass(frozen=True)
+class MechanismTree:
+    """
+    Joints of mechanisms that hold, as a forest of their parts.
+
+    :ivar parts: with joints, ascending, (K,).
+    :ivar joint: by part, the joint to its parent, -1 = it is free, (K,).
+    :ivar loops: joints that are in no tree, ropes among them, (L,).
+    :ivar seats: frames of all joints in the frames of their second parts, (J, 7).
+    :ivar value: present displacements [m] or [rad], (J,).
+    """
+
+    parts: np.ndarray
+    joint: np.ndarray
+    loops: np.ndarray
+    seats: np.ndarray
+    value: np.ndarray
+
+    def axis(self, joint: int) -> np.ndarray:
+        """Return the axis of a joint in the frame of its second part, (3,)."""
+        return rotation.rotate(self.seats[joint, 3:], _AXIS)
+
+
+def mechanism_tree(content: Content) -> MechanismTree:
+    """Arrange the parts of mechanisms: the first joint of each to an earlier part is its own."""
+    joints = content.blueprint.joints
+    alive = np.flatnonzero(content.joints_hold)
+    first, second = joints.parts.T
+    parts = np.unique(np.append(first[alive], second[alive]))
+    parts = parts[parts != GROUND]
+    own = dict.fromkeys(parts.tolist(), -1)
+    for joint in alive.tolist():
+        one, other = int(first[joint]), int(second[joint])
+        if own[other] < 0 and one < other and joints.kind[joint] != JointType.ROPE:
+            own[other] = joint
+    used = np.array([own[part] for part in parts.tolist()], np.intp)
+    rest = content.blueprint.poses
+    seats = rotation.relative(rest[second], joints.frame) if len(joints) else np.zeros((0, 7))
+    return MechanismTree(parts, used, np.setdiff1d(alive, used), seats, _values(content, seats))
+
+
+def _values(content: Content, seats: np.ndarray) -> np.ndarray:
+    """Compute the displacements of joints from the poses of their parts, (J,)."""
+    joints = content.blueprint.joints
+    first, second = joints.parts.T
+    there = rotation.compose(content.poses[second], seats)
+    rest = joints.frame.copy()
+    rest[:, :3] += rotation.rotate(rest[:, 3:], joints.anchor)
+    ground = first == GROUND
+    base = rotation.relative(content.blueprint.poses[np.where(ground, 0, first)], rest)
+    base = rotation.compose(content.poses[np.where(ground, 0, first)], base)
+    base[ground] = rest[ground]
+    moved = rotation.relative(base, there)
+    angle = 2.0 * atan2(moved[:, 3], moved[:, 6])
+    angle = (angle + np.pi) % (2.0 * np.pi) - np.pi
+    return np.where(joints.kind == JointType.SLIDER, moved[:, 0], angle)
