@@ -349,6 +349,33 @@ def test_commands_to_joints_are_checked():
             simulation.drive_joint(*wish)
 
 
+def test_cues_drive_joints():
+    """Let a scene file drive its joint at a time."""
+    scene = Scene.from_parameters({
+        'scene': {'objects': ['m'], 'cues': ['0.1 joint target=m/lift mode=velocity value=0.5']},
+        'm': {'grammar_text': 'mechanism m { box load { size: 0.2, 0.2, 0.2  at: 0, 0, 2'
+                              '  slider lift { motor: 0, 5000 } } }'}})
+    simulation = Simulation(scene)
+    simulation.step(36)
+    assert simulation.joints.position[0] == pytest.approx(0.25, abs=0.01)
+
+
+def test_a_mechanism_stands_on_a_hill():
+    """Raise it as a whole by the ground under its feet, and its joints with it."""
+    scene = Scene.from_parameters({
+        'scene': {'objects': ['gate']}, 'terrain': {'noise': 3.0, 'extent': 40.0},
+        'gate': {'grammar': 'gate.mech', 'origin': [5.0, 3.0, 0.0]}})
+    source, flat = scene.blueprint, MechanismGrammar.load('gate.mech').build()
+    lift = source.poses[:, 2] - flat.poses[:, 2]
+    ground = scene.settings.terrain.height(source.poses[:2, :2])
+    np.testing.assert_allclose(lift, ground.max(), atol=1e-9)
+    assert abs(lift[0]) > 1e-3
+    np.testing.assert_allclose(source.joints.frame[:, 2] - flat.joints.frame[:, 2], lift[0])
+    simulation = Simulation(scene)
+    simulation.step(10)
+    assert gaps(simulation).max() < 1e-4
+
+
 def test_the_engine_must_have_joints():
     """Choose the engine with joints, and refuse the other one by name."""
     body = 'box a { size: 1, 1, 1  at: 0, 0, 2  hinge {} }'

@@ -113,15 +113,25 @@ def test_the_gate_slams_in_the_wind():
     assert set(storm.events['part_b']) == {2} and not len(storm.joints.names)
 
 
-def test_the_rope_bridge_bears_a_load_and_breaks_by_more():
-    """Stretch by the pull of its weight; bear 80 kg on its middle, but not three tonnes."""
+def test_the_ropes_of_the_bridge_pull_as_its_sag_says():
+    """Compare the springs at their ends with w·L²/8h, in the mean as the bridge bounces."""
     simulation = simulate('rope_bridge')
-    simulation.step(60)
     mass = simulation.blueprint.mass[np.concatenate([kind(simulation, name) for name in (
         'plank', 'left', 'right')])]
-    sag = 2.05 - simulation.poses[kind(simulation, 'left'), 2].min()  # 0.65 m, as ropes stretch
-    pull = 0.5 * G * mass.sum() * 8.0 / (8.0 * sag)  # of either rope, along the deck
-    assert np.abs(simulation.joints.position) * 80000.0 == pytest.approx([pull] * 4, rel=0.05)
+    ropes, told = kind(simulation, 'left'), []
+    for _ in range(150):
+        simulation.step()
+        told.append((2.05 - simulation.poses[ropes, 2].min(),
+                     80000.0 * np.abs(simulation.joints.position).mean()))
+    sag, pull = np.mean(told[30:], axis=0)
+    assert pull == pytest.approx(0.5 * G * mass.sum() * 8.0 / (8.0 * sag), rel=0.05)
+    assert not len(simulation.events)
+
+
+def test_the_rope_bridge_bears_a_load_and_breaks_by_more():
+    """Put 80 kg on its middle, but not three tonnes."""
+    simulation = simulate('rope_bridge')
+    simulation.step(30)
     middle = simulation.poses[kind(simulation, 'plank'), 2].min()
     block = {'shape': 'box', 'size': (0.4, 0.4, 0.4), 'velocity': (0.0, 0.0, 0.0)}
     simulation.launch(Projectile(mass=80.0, position=(0.0, 0.0, middle + 0.25), **block))
@@ -143,12 +153,12 @@ def test_the_last_domino_tips_the_seesaw():
 def test_the_cart_rolls_where_it_is_pushed():
     """Push it for a second: it rolls on straight, on all its wheels."""
     simulation = simulate('cart')
-    simulation.apply_wrench('cart/0', (20.0, 0.0, 0.0))
+    simulation.apply_wrench('cart/0', (40.0, 0.0, 0.0))
     simulation.step(60)
     simulation.clear_wrenches()
     simulation.step(30)
     poses, source = simulation.poses, simulation.blueprint
     moved = poses[0, :3] - source.poses[0, :3]
-    assert moved[0] > 0.5 and abs(moved[1]) < 0.05 and abs(moved[2]) < 0.01
+    assert moved[0] > 0.4 and abs(moved[1]) < 0.05 and abs(moved[2]) < 0.01
     turned = simulation.joints.position
     np.testing.assert_allclose(turned * 0.125, moved[0], rtol=0.05)
