@@ -29,7 +29,8 @@ from procphys_ros.physics.world.body_table import BodyState, BodyTable
 Numbers = np.ndarray | float
 _MOVABLE = (BodyState.FIXED, BodyState.RESTING, BodyState.AWAKE)
 _MOST = np.inf
-_GONE = int(JointKind.GONE)  # looking up a member of an enumeration takes a microsecond
+_GONE, _WELD = int(JointKind.GONE), int(JointKind.WELD)  # to look them up takes a microsecond
+_GROUND = 0  # id of the ground, see `World.ground`
 
 
 @dataclass(frozen=True)
@@ -99,6 +100,14 @@ class JointTable:
     def holding(self) -> np.ndarray:
         """Ids of the unbroken joints, ascending, (K,)."""
         return np.flatnonzero((self.rows.kind != _GONE) & ~self.rows.broken)
+
+    @property
+    def rooted(self) -> np.ndarray:
+        """Ids of the bodies that are welded to the ground, and do not collide with it, (K,)."""
+        rows, ids = self.rows, self.holding
+        ids = ids[(rows.kind[ids] == _WELD) & ~rows.collides[ids]]
+        ends = np.stack([rows.first[ids], rows.second[ids]])
+        return ends.max(axis=0)[ends.min(axis=0) == _GROUND]
 
     def add(self, bodies: BodyTable, kind: np.ndarray, ends: np.ndarray, frames: np.ndarray,
             options: JointOptions) -> np.ndarray:

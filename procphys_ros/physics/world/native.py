@@ -429,6 +429,8 @@ class NativeEngine:
         pairs = self._pairs(rows, live)
         lands = ((table.state[live.body[rows]] == BodyState.AWAKE)
                  & (table.state[0] == BodyState.GROUND))  # the ground can be removed
+        if len(self._joints):
+            lands &= ~np.isin(live.body[rows], self._joints.rooted)
         extra, found = self._extra_points(), {}
         bounds = even_ranges(len(pairs), self.threads)
 
