@@ -112,6 +112,7 @@ def pile_up() -> None:
     body = np.array([world.add_body(Shape.BOX, np.full(3, 0.2), 1.0, place)])
     world.add_body(Shape.CAPSULE, np.array([0.1, 0.1, 0.3]), 1.0, place + np.eye(7)[2] * 0.15)
     world.join(JointKind.BALL, body, np.array([World.ground]), place)
+    world.add_velocities(body, np.zeros((1, 6)))
     world.step(1.0 / 60.0)
 
 
