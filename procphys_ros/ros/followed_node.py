@@ -34,7 +34,7 @@ from std_msgs.msg import String
 
 from procphys_ros.appearance.joints import Seats
 from procphys_ros.appearance.torn_wood import BrokenWood
-from procphys_ros.blueprint import Hexahedra, Leaves, Shape
+from procphys_ros.blueprint import BALLS, Hexahedra, Leaves, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.messages.ground import ground_of
 from procphys_ros.messages.leaves import LEAF, leaves_of
@@ -256,7 +256,7 @@ def content_of(described: dict[str, Any], leaves: Leaves, scene: int) -> PageCon
     parts, solids = described['parts'], described.get('hexahedra', {})
     shape = np.array([Shape[name.upper()] for name in parts['shape']], np.uint8)
     size = np.array(parts['size'], float).reshape(-1, 3)
-    ball = (np.array(parts['kind']) == 'projectile') & (shape == Shape.CAPSULE)
+    ball = np.isin(parts['kind'], BALLS) & (shape == Shape.CAPSULE)
     drawn = np.array(parts.get('visual_size', parts['size']), float).reshape(-1, 3)
     terrain, paving = ground_of(described)
     textures = list(dict.fromkeys([*described.get('textures', ()), *parts.get('texture', ())]))
