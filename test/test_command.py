@@ -84,6 +84,7 @@ def with_patience(words):
     ('wind 4 0 0', 'wind [4, 0, 0] m/s'),
     ('wind off', 'wind off'),
     ('impulse sapling_0/2 0 -3 0', 'sent on ~/impulse'),
+    ('joint crane/slew velocity -0.2', 'sent on ~/joint_command'),
     ('wrench sapling_1/segment_2 5 0 0', 'sent'),
     ('clear', 'ended'),
     ('explode 0 30 1 --charge 0.5', '0.5 kg TNT'),
