@@ -382,3 +382,13 @@ def test_the_engine_must_have_joints():
     assert simulate(body).state.world.engine == 'native'
     with pytest.raises(SceneError, match='engine is "bullet", which has no joints'):
         simulate(body, engine='bullet')
+
+
+def test_a_mechanism_cannot_join_a_world_without_joints():
+    """Refuse it by name, and leave the scene as it is."""
+    simulation = Simulation(Scene(Settings(engine='bullet')))
+    made = MechanismGrammar.load('gate.mech').build()
+    with pytest.raises(CommandError, match='gate has joints, and engine is "bullet"'):
+        simulation.add(made, name='gate')
+    simulation.step()
+    assert not len(simulation.poses)
