@@ -77,6 +77,8 @@ _COARSE = 480.0  # [1/s] least rate of substeps; it leaves 0.5 mm of overlap in 
 _FINER = 4  # largest multiple of that rate
 _MOST_PASSES = 16  # pairs: landing flat on many corners needs them, rest takes one pass
 _CALM = 1e-4  # [m/s] change of speed by a pass at which passes end
+SLEEP_SPEED = 0.02  # [m/s] speed that bodies at rest do not reach: a slide at one percent above
+#                     the friction limit is faster
 _MOST_TURNS = 64  # largest number of rotations in a substep
 _LITTLE = 1e-3  # [rad] largest rotation taken to second order, exact to one in 1e9
 _NOTICED = 0.01  # [rad] least rotation in a substep that requires an update of arms and inertia
@@ -279,6 +281,8 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     """Move the bodies of an island by a step."""
     contacts, hangs = range(begin, end), len(held) > 0
     substeps, passes, fine = _pace(end - begin + len(held), time_step)
+    if _energy(own, bodies, state) < _energy_at(SLEEP_SPEED, own, bodies):
+        passes = 2 * _MOST_PASSES  # the rest of few passes would keep it from sleep
     h = time_step / substeps
     fall = h * length((gravity[0], gravity[1], gravity[2]))
     # Nothing wins energy where nothing is touched: what is left there is rounding.
@@ -293,7 +297,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
     for substep in range(substeps):
         for i in own:
             _drive(i, gravity, h, state)
-        most = math.inf if driven else _energy(own, bodies, state) + _pushing(own, bodies)
+        most = math.inf if driven else _energy(own, bodies, state) + _energy_at(_PUSH, own, bodies)
         if bounces:
             _note_approach(contacts, ends, state, rows, elastic)
         _begin(contacts, ends, state, rows, fall)
@@ -339,11 +343,11 @@ def _energy(own, bodies, state):
 
 
 @subroutine(**LEAN)
-def _pushing(own, bodies):
-    """Compute the kinetic energy of an island whose overlaps are corrected from rest [J]."""
+def _energy_at(speed, own, bodies):
+    """Compute the kinetic energy of an island at a uniform speed [J]."""
     total = 0.0
     for i in own:
-        total += 0.5 * bodies.mass[i] * _PUSH * _PUSH
+        total += 0.5 * bodies.mass[i] * speed * speed
     return total
 
 

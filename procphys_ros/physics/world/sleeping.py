@@ -24,12 +24,11 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry.components import root_of
+from procphys_ros.physics.rigid.solver import SLEEP_SPEED
 from procphys_ros.physics.world.body_table import BodyState, BodyTable
 from procphys_ros.physics.world.extents import are_near, bounds
 
 SLEEP_TIME = 0.5  # [s] at rest before bodies fall asleep (box2d's value)
-SLEEP_SPEED = 0.02  # [m/s] speed that bodies at rest do not reach in that time: a slide at one
-#                     percent above the friction limit is faster
 _CHANGE = 0.1  # of the contact forces on a sleeping body: tolerated change
 _NEAR = 0.02  # [m] gap at which engines create contacts, beyond the motion of one step
 
