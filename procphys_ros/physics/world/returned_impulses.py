@@ -12,19 +12,28 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Returned impulses: take back, on both sides of a contact, what bonds could not transmit."""
+"""
+Returned impulses: take back what bonds could not transmit, and let the other contacts bear it.
+
+A rigid-body engine has solved all contacts as if every body were whole. Of the impulses on a body
+that broke only a share was real. What whole bodies exchange is then solved again, at velocities
+alone, with the impulses on broken bodies given: what still has support stays up.
+"""
 
 from typing import NamedTuple
 
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.geometry.rotation_kernels import matrix
+from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.kinetic import kinetic_energy
+from procphys_ros.physics.rigid.body_rows import BODY, EASE, eased, LIGHT, lightened, SPEED, SPIN
 from procphys_ros.physics.rigid.islands import Islands
+from procphys_ros.physics.rigid.vectors import at, cross, dot, LEAN, less, plus, put, scaled, three
 from procphys_ros.physics.world import BodyState, Contacts, World
 
-_CHAIN = 0.3  # [m/s] change of speed down to which impulses are followed along chains of contacts
+_CALM = 0.01  # [m/s] change of speed by a pass at which passes end
+_PASSES = 64  # at most
 
 
 class Begun(NamedTuple):
@@ -40,49 +49,45 @@ class Begun(NamedTuple):
 
 
 def give_back(world: World, contacts: Contacts, before: Begun, fall: float, share: np.ndarray,
-              jump: np.ndarray) -> np.ndarray:
+              duration: float) -> np.ndarray:
     """
-    Undo the part of each impulse that the bonds of a side could not transmit.
+    Reduce the impulses on bodies that broke, and solve the other contacts again.
 
-    A body without joints whose impulses all keep the same share keeps that share of its change of
-    velocity. Else the parts are summed, with the arms at the start of the step, and joints answer
-    to them as they did to the impulses. Bodies supported by a part that gives way now did not fall
-    in this step, so gravity adds no speed to them. A body squeezed between a piece and the ground
-    transmits a smaller impulse, too, or it would shoot out: the share of a piece holds for all
-    contacts of the chain of bodies that it pressed on. No group of bodies gains energy: where
-    bodies that share contacts would, less is returned to all of them, so that momentum is kept.
+    No group of bodies that share contacts gains energy: where one would, less is changed for all
+    of it, so that momentum is kept. Writes velocities of bodies.
 
-    Writes velocities of bodies.
-
-    :param fall: speed gained by gravity since the free motion in `before` [m/s].
-    :param share: of the impulses on each body that its bonds transmitted, by id, (B,), spread
-        along chains in place.
-    :param jump: change of velocity by contacts, by id, (B, 6).
-    :returns: remaining share of each contact's impulse, (C,).
+    :param before: motion when the contacts were found.
+    :param fall: speed gained by gravity since [m/s].
+    :param share: of the impulses on each body that its bonds transmitted, by id, (B,).
+    :param duration: of these impulses [s].
+    :returns: impulses and their normal components [N·s], (C, 4).
     """
     bodies = world.bodies
-    impulse = np.ascontiguousarray(contacts.impulse)
-    pairs = contacts.body_a, contacts.body_b
     loose = bodies.state == BodyState.AWAKE
-    kept = _kept(*pairs, impulse, loose, bodies.mass, share)
-    total, least, most = _sums(*pairs, np.ascontiguousarray(contacts.point), impulse, kept,
-                               before.poses, len(share))
-    ids = np.flatnonzero(((most > 0.0) | (least < 1.0)) & loose)
-    keeps = np.where(least == most, least, np.nan)
-    keeps[world.jointed] = np.nan  # joints have changed their velocities, too
-    lift = (1.0 - share) * fall
-    given = _given(ids, total, keeps, jump, lift, bodies.mass, bodies.inertia, bodies.poses)
-    one = np.where(loose[pairs[0]], pairs[0], pairs[1])
-    returned = 1.0 - kept
-    for some in (returned > 0.0, np.ones(len(kept), bool)):
-        group = group_bodies(pairs[0][some], pairs[1][some], loose)
-        part = _possible(ids, group, given, lift, fall, bodies.mass, bodies.inertia, before.poses,
-                         before.velocities, bodies.poses, bodies.velocities)
-        given *= part[group[ids], None]
-        returned *= part[group[one]]
-    changed = least[ids] < 1.0
-    world.add_velocities(ids[changed], given[changed])
-    return 1.0 - returned
+    pairs = np.stack([contacts.body_a, contacts.body_b])
+    ids = np.unique(pairs[loose[pairs]])
+    row = np.full(len(loose), len(ids))
+    row[ids] = np.arange(len(ids))
+    first, second = row[pairs]
+    kept = np.minimum(share[contacts.body_a], share[contacts.body_b])
+    opens = np.maximum(contacts.distance, 0.0) / duration
+    opens[contacts.normal_impulse > 0.0] = 0.0
+    state = _states(bodies.mass[ids], bodies.inertia[ids], before.poses[ids],
+                    bodies.velocities[ids])
+    impulse = np.column_stack([contacts.impulse, contacts.normal_impulse])
+    after = _solved(first, second, np.ascontiguousarray(contacts.point),
+                    np.ascontiguousarray(contacts.normal), opens, impulse, kept,
+                    before.poses[ids], state)
+    given = state[:-1, :6] - bodies.velocities[ids]
+    changed = (after != impulse).any(axis=1)
+    group = group_bodies(*pairs[:, changed], loose)
+    part = _possible(ids, group, given, fall, bodies.mass, bodies.inertia, before.poses,
+                     before.velocities, bodies.poses, bodies.velocities)
+    given *= part[group[ids], None]
+    one = np.where(loose[pairs[0]], *pairs)
+    moved = given.any(axis=1)
+    world.set_velocities(ids[moved], bodies.velocities[ids[moved]] + given[moved])
+    return impulse + part[group[one], None] * (after - impulse)
 
 
 def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np.ndarray:
@@ -105,80 +110,103 @@ def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np
 
 
 @kernel
-def _kept(first, second, impulse, loose, mass, share):
-    """Return the share of each impulse that is kept, (C,), spread along chains of contacts."""
-    count = len(first)
-    kept = np.empty(count)
-    changed = True
-    while changed:
-        changed = False
-        for c in range(count):
-            kept[c] = min(share[first[c]], share[second[c]])
-        for c in range(count):
-            push = (1.0 - kept[c]) * np.sqrt(impulse[c, 0] ** 2 + impulse[c, 1] ** 2
-                                             + impulse[c, 2] ** 2)
-            for body in (first[c], second[c]):
-                if loose[body] and kept[c] < share[body] and push > _CHAIN * mass[body]:
-                    share[body] = kept[c]
-                    changed = True
-    return kept
-
-
-@kernel
-def _sums(first, second, point, impulse, kept, start, count):
-    """Sum the impulses removed from each body, (B, 6), and its extreme kept shares, (B,) each."""
-    total, least, most = np.zeros((count, 6)), np.ones(count), np.zeros(count)
-    for c in range(len(first)):
-        for body in (first[c], second[c]):
-            least[body] = min(least[body], kept[c])
-            most[body] = max(most[body], kept[c])
-        if not kept[c] < 1.0:
-            continue
-        for body, sign in ((first[c], kept[c] - 1.0), (second[c], 1.0 - kept[c])):
-            x, y, z = sign * impulse[c, 0], sign * impulse[c, 1], sign * impulse[c, 2]
-            u, v, w = point[c, 0], point[c, 1], point[c, 2]
-            u, v, w = u - start[body, 0], v - start[body, 1], w - start[body, 2]
-            row = total[body]
-            row[0] += x
-            row[1] += y
-            row[2] += z
-            row[3] += v * z - w * y
-            row[4] += w * x - u * z
-            row[5] += u * y - v * x
-    return total, least, most
-
-
-@kernel
-def _given(ids, total, keeps, jump, lift, mass, inertia, poses):
-    """
-    Return the changes of velocity that undo the untransmitted impulses, (K, 6).
-
-    :param total: removed impulse and moment, by id, (B, 6).
-    :param keeps: share of its change of velocity that a body keeps, by id, (B,); NaN = see
-        `total`.
-    :param lift: downward velocity by gravity to be undone [m/s], by id, (B,).
-    """
-    out = np.empty((len(ids), 6))
-    for k in range(len(ids)):
-        i = ids[k]
-        if np.isnan(keeps[i]):
-            out[k] = _change(total[i], mass[i], inertia[i], poses[i])
-        else:
-            out[k] = (keeps[i] - 1.0) * jump[i]
-        out[k, 2] += lift[i]
+def _states(mass, inertia, pose, velocity):
+    """Build the rows of bodies, and one of what is immovable, (K + 1, BODY)."""
+    out = np.zeros((len(mass) + 1, BODY))
+    for i in range(len(mass)):
+        for w in range(6):
+            out[i, w] = velocity[i, w]
+        light = 1.0 / mass[i]
+        put(out, i, LIGHT, (light, light, light))
+        x, y, z = matrix_rows(pose[i, 3:])
+        a, b, c = at(inertia, i)
+        u, v, w = (x[0] / a, x[1] / b, x[2] / c), (y[0] / a, y[1] / b, y[2] / c), (
+            z[0] / a, z[1] / b, z[2] / c)
+        put(out, i, EASE, (dot(u, x), dot(u, y), dot(u, z)))
+        put(out, i, EASE + 3, (dot(v, y), dot(v, z), dot(w, z)))
     return out
 
 
 @kernel
-def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses, after):
+def _solved(first, second, point, normal, opens, impulse, kept, poses, state):
     """
-    Return the share of the returned impulses that each group can have, by its number, (B,).
+    Solve contacts along their impulses; those on broken bodies keep a share.
 
-    The energy of a group must not exceed both that without and that with its contacts. A common
-    share of all impulses lies in between, but shares that differ between contacts may not: a ball
-    would keep its motion, and so would the body it threw aside.
+    :param opens: speed of approach at which each contact does not press yet [m/s], (C,).
+    :param impulse: [N·s], and its normal component, (C, 4).
+    :param kept: share; 1 = solve for it, (C,).
+    :param poses: of the bodies, (K, 7).
+    :param state: rows of bodies; velocities are written.
+    :returns: impulses and their normal components, (C, 4).
+    """
+    count, out = len(first), impulse.copy()
+    arms, way = np.empty((count, 6)), np.empty((count, 3))
+    for c in range(count):
+        i, j, n = first[c], second[c], at(normal, c)
+        put(arms, c, 0, less(at(point, c), at(poses, i)) if i < len(poses) else n)
+        put(arms, c, 3, less(at(point, c), at(poses, j)) if j < len(poses) else n)
+        put(way, c, 0, scaled(1.0 / impulse[c, 3], at(impulse, c)) if impulse[c, 3] > 0.0 else n)
+        if kept[c] < 1.0:
+            _press(c, i, j, arms, way, (kept[c] - 1.0) * impulse[c, 3], state, out)
+    for _ in range(_PASSES):
+        most = 0.0
+        for c in range(count):
+            if kept[c] == 1.0:
+                most = max(most, _solve(c, first[c], second[c], normal, arms, way, opens, state,
+                                        out))
+        if most < _CALM:
+            break
+    return out
 
-    :param given: see `_given`, (K, 6).
+
+@subroutine(**LEAN)
+def _solve(c, i, j, normal, arms, way, opens, state, out):
+    """Solve one contact; return the change of speed [m/s]."""
+    n, arm, other = at(normal, c), three(arms, c, 0), three(arms, c, 3)
+    lacks = dot(n, _slip(state, i, j, arm, other)) + opens[c]
+    if out[c, 3] == 0.0 and lacks >= 0.0:
+        return 0.0
+    d = at(way, c)
+    moved = plus(lightened(state, i, d), 1.0, lightened(state, j, d))
+    moved = plus(moved, 1.0, cross(eased(state, i, cross(arm, d)), arm))
+    moved = plus(moved, 1.0, cross(eased(state, j, cross(other, d)), other))
+    gain = dot(n, moved)
+    if gain <= 0.0:
+        return 0.0
+    change = max(-lacks / gain, -out[c, 3])
+    _press(c, i, j, arms, way, change, state, out)
+    return abs(change) * gain
+
+
+@subroutine(**LEAN)
+def _slip(state, i, j, arm, other):
+    """Return the velocity of the first body's point relative to the second's."""
+    one = plus(three(state, i, SPEED), 1.0, cross(three(state, i, SPIN), arm))
+    two = plus(three(state, j, SPEED), 1.0, cross(three(state, j, SPIN), other))
+    return less(one, two)
+
+
+@subroutine(**LEAN)
+def _press(c, i, j, arms, way, change, state, out):
+    """Add to the impulse of a contact, on both bodies."""
+    push = scaled(change, at(way, c))
+    put(out, c, 0, plus(at(out, c), 1.0, push))
+    out[c, 3] += change
+    for side in range(2):
+        b, arm = i if side == 0 else j, three(arms, c, 3 * side)
+        own = push if side == 0 else scaled(-1.0, push)
+        put(state, b, SPEED, plus(three(state, b, SPEED), 1.0, lightened(state, b, own)))
+        put(state, b, SPIN, plus(three(state, b, SPIN), 1.0, eased(state, b, cross(arm, own))))
+
+
+@kernel
+def _possible(ids, group, given, fall, mass, inertia, start, before, poses, after):
+    """
+    Return the share of the changes that each group can have, by its number, (B,).
+
+    The energy of a group must not exceed both that without and that with its contacts.
+
+    :param given: changes of velocity, (K, 6).
     :param start, before: poses and velocities at the start of the step; `poses` and `after` now.
     :param fall: velocity gained by free bodies through gravity [m/s].
     """
@@ -187,7 +215,7 @@ def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses
     for k in range(len(ids)):
         i, g = ids[k], group[ids[k]]
         falling = before[i].copy()
-        falling[2] -= fall - lift[i]
+        falling[2] -= fall
         free[g] += kinetic_energy(mass[i], inertia[i], start[i, 3:], falling)
         own = kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i])
         change = kinetic_energy(mass[i], inertia[i], poses[i, 3:], given[k])
@@ -200,19 +228,4 @@ def _possible(ids, group, given, lift, fall, mass, inertia, start, before, poses
         if linear[g] + square[g] > room and square[g] > 0.0:
             root = np.sqrt(linear[g] ** 2 + 4.0 * square[g] * room)
             out[g] = max(root - linear[g], 0.0) / (2.0 * square[g])
-    return out
-
-
-@subroutine
-def _change(impulse, mass, inertia, pose):
-    """Return the change of velocity by an impulse and its moment, (6,)."""
-    axes = matrix(pose[3:])
-    out = np.zeros(6)
-    for c in range(3):
-        out[c] = impulse[c] / mass
-        spin = 0.0
-        for k in range(3):
-            spin += axes[k, c] * impulse[3 + k]
-        for k in range(3):
-            out[3 + k] += axes[k, c] * spin / inertia[c]
     return out
