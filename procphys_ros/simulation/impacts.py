@@ -215,8 +215,7 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
     broken = _struck_pieces(model, state, struck, change, made(TEETH), poses) if len(weak) else []
     share[[blow.body for blow, _ in broken]] = [result.share for _, result in broken]
     if found or broken:
-        rows[near, 9:] = give_back(state.world, contacts, begun, fall, share,
-                                   duration) / duration
+        rows[near, 9:] = give_back(state.world, contacts, begun, fall, share) / duration
         yielding.release(model, state, found)
         _split(model, state, broken)
         _join_step(state, [*(out.parts for out, _ in found), *(blow.parts for blow, _ in broken)])

@@ -17,7 +17,8 @@ Returned impulses: take back what bonds could not transmit, and let the other co
 
 A rigid-body engine has solved all contacts as if every body were whole. Of the impulses on a body
 that broke only a share was real. What whole bodies exchange is then solved again, at velocities
-alone, with the impulses on broken bodies given: what still has support stays up.
+alone, with the impulses on broken bodies given: what still has support stays up. No impulse grows,
+since bonds were judged by the first ones.
 """
 
 from typing import NamedTuple
@@ -29,7 +30,18 @@ from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.kinetic import kinetic_energy
 from procphys_ros.physics.rigid.body_rows import BODY, EASE, eased, LIGHT, lightened, SPEED, SPIN
 from procphys_ros.physics.rigid.islands import Islands
-from procphys_ros.physics.rigid.vectors import at, cross, dot, LEAN, less, plus, put, scaled, three
+from procphys_ros.physics.rigid.vectors import (
+    at,
+    cross,
+    dot,
+    LEAN,
+    length,
+    less,
+    plus,
+    put,
+    scaled,
+    three,
+)
 from procphys_ros.physics.world import BodyState, Contacts, World
 
 _CALM = 0.01  # [m/s] change of speed by a pass at which passes end
@@ -48,8 +60,8 @@ class Begun(NamedTuple):
     velocities: np.ndarray
 
 
-def give_back(world: World, contacts: Contacts, before: Begun, fall: float, share: np.ndarray,
-              duration: float) -> np.ndarray:
+def give_back(world: World, contacts: Contacts, before: Begun, fall: float, share: np.ndarray
+              ) -> np.ndarray:
     """
     Reduce the impulses on bodies that broke, and solve the other contacts again.
 
@@ -59,7 +71,6 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     :param before: motion when the contacts were found.
     :param fall: speed gained by gravity since [m/s].
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,).
-    :param duration: of these impulses [s].
     :returns: impulses and their normal components [N·s], (C, 4).
     """
     bodies = world.bodies
@@ -70,14 +81,12 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     row[ids] = np.arange(len(ids))
     first, second = row[pairs]
     kept = np.minimum(share[contacts.body_a], share[contacts.body_b])
-    opens = np.maximum(contacts.distance, 0.0) / duration
-    opens[contacts.normal_impulse > 0.0] = 0.0
     state = _states(bodies.mass[ids], bodies.inertia[ids], before.poses[ids],
                     bodies.velocities[ids])
     impulse = np.column_stack([contacts.impulse, contacts.normal_impulse])
     after = _solved(first, second, np.ascontiguousarray(contacts.point),
-                    np.ascontiguousarray(contacts.normal), opens, impulse, kept,
-                    before.poses[ids], state)
+                    np.ascontiguousarray(contacts.normal), impulse, kept, before.poses[ids],
+                    state)
     given = state[:-1, :6] - bodies.velocities[ids]
     changed = (after != impulse).any(axis=1)
     group = group_bodies(*pairs[:, changed], loose)
@@ -128,70 +137,81 @@ def _states(mass, inertia, pose, velocity):
 
 
 @kernel
-def _solved(first, second, point, normal, opens, impulse, kept, poses, state):
+def _solved(first, second, point, normal, impulse, kept, poses, state):
     """
-    Solve contacts along their impulses; those on broken bodies keep a share.
+    Solve contacts for less than they exert; those on broken bodies keep a share.
 
-    :param opens: speed of approach at which each contact does not press yet [m/s], (C,).
-    :param impulse: [N·s], and its normal component, (C, 4).
+    :param impulse: first and greatest ones [N·s], and their normal components, (C, 4).
     :param kept: share; 1 = solve for it, (C,).
     :param poses: of the bodies, (K, 7).
     :param state: rows of bodies; velocities are written.
     :returns: impulses and their normal components, (C, 4).
     """
     count, out = len(first), impulse.copy()
-    arms, way = np.empty((count, 6)), np.empty((count, 3))
+    arms, ease = np.empty((count, 6)), np.empty(count)
     for c in range(count):
         i, j, n = first[c], second[c], at(normal, c)
         put(arms, c, 0, less(at(point, c), at(poses, i)) if i < len(poses) else n)
         put(arms, c, 3, less(at(point, c), at(poses, j)) if j < len(poses) else n)
-        put(way, c, 0, scaled(1.0 / impulse[c, 3], at(impulse, c)) if impulse[c, 3] > 0.0 else n)
+        ease[c] = _ease(c, i, j, arms, n, state)
         if kept[c] < 1.0:
-            _press(c, i, j, arms, way, (kept[c] - 1.0) * impulse[c, 3], state, out)
+            _press(c, i, j, arms, scaled(kept[c] - 1.0, at(impulse, c)), state, out)
+            out[c, 3] = kept[c] * impulse[c, 3]
     for _ in range(_PASSES):
         most = 0.0
         for c in range(count):
-            if kept[c] == 1.0:
-                most = max(most, _solve(c, first[c], second[c], normal, arms, way, opens, state,
-                                        out))
+            if kept[c] == 1.0 and impulse[c, 3] > 0.0:
+                most = max(most, _solve(c, first[c], second[c], at(normal, c), impulse, arms,
+                                        ease[c], state, out))
         if most < _CALM:
             break
     return out
 
 
 @subroutine(**LEAN)
-def _solve(c, i, j, normal, arms, way, opens, state, out):
+def _solve(c, i, j, n, impulse, arms, ease, state, out):
     """Solve one contact; return the change of speed [m/s]."""
-    n, arm, other = at(normal, c), three(arms, c, 0), three(arms, c, 3)
-    lacks = dot(n, _slip(state, i, j, arm, other)) + opens[c]
-    if out[c, 3] == 0.0 and lacks >= 0.0:
-        return 0.0
-    d = at(way, c)
-    moved = plus(lightened(state, i, d), 1.0, lightened(state, j, d))
-    moved = plus(moved, 1.0, cross(eased(state, i, cross(arm, d)), arm))
-    moved = plus(moved, 1.0, cross(eased(state, j, cross(other, d)), other))
-    gain = dot(n, moved)
-    if gain <= 0.0:
-        return 0.0
-    change = max(-lacks / gain, -out[c, 3])
-    _press(c, i, j, arms, way, change, state, out)
-    return abs(change) * gain
+    before, most = out[c, 3], impulse[c, 3]
+    change = -dot(n, _slip(c, i, j, arms, state)) / ease
+    change = min(max(before + change, 0.0), most) - before
+    out[c, 3] += change
+    _press(c, i, j, arms, scaled(change, n), state, out)
+    slip = _slip(c, i, j, arms, state)
+    slip = plus(slip, -dot(n, slip), n)
+    speed, rubs = length(slip), plus(at(out, c), -out[c, 3], n)
+    wanted = rubs
+    if speed > 0.0:
+        t = scaled(1.0 / speed, slip)
+        wanted = plus(rubs, -speed / _ease(c, i, j, arms, t, state), t)
+    size = length(wanted)
+    grip = out[c, 3] / most * length(plus(at(impulse, c), -most, n))
+    if size > grip:
+        wanted = scaled(grip / size, wanted)
+    more = less(wanted, rubs)
+    _press(c, i, j, arms, more, state, out)
+    return max(abs(change), length(more)) * ease
 
 
 @subroutine(**LEAN)
-def _slip(state, i, j, arm, other):
+def _ease(c, i, j, arms, d, state):
+    """Return the change of speed along a direction by a unit impulse along it [1/kg]."""
+    one, two = cross(three(arms, c, 0), d), cross(three(arms, c, 3), d)
+    return (dot(d, plus(lightened(state, i, d), 1.0, lightened(state, j, d)))
+            + dot(one, eased(state, i, one)) + dot(two, eased(state, j, two)))
+
+
+@subroutine(**LEAN)
+def _slip(c, i, j, arms, state):
     """Return the velocity of the first body's point relative to the second's."""
-    one = plus(three(state, i, SPEED), 1.0, cross(three(state, i, SPIN), arm))
-    two = plus(three(state, j, SPEED), 1.0, cross(three(state, j, SPIN), other))
+    one = plus(three(state, i, SPEED), 1.0, cross(three(state, i, SPIN), three(arms, c, 0)))
+    two = plus(three(state, j, SPEED), 1.0, cross(three(state, j, SPIN), three(arms, c, 3)))
     return less(one, two)
 
 
 @subroutine(**LEAN)
-def _press(c, i, j, arms, way, change, state, out):
+def _press(c, i, j, arms, push, state, out):
     """Add to the impulse of a contact, on both bodies."""
-    push = scaled(change, at(way, c))
     put(out, c, 0, plus(at(out, c), 1.0, push))
-    out[c, 3] += change
     for side in range(2):
         b, arm = i if side == 0 else j, three(arms, c, 3 * side)
         own = push if side == 0 else scaled(-1.0, push)
