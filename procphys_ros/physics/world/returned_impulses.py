@@ -89,13 +89,13 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
                     state)
     given = state[:-1, :6] - bodies.velocities[ids]
     changed = (after != impulse).any(axis=1)
-    group = group_bodies(*pairs[:, changed], loose)
+    group = group_bodies(pairs[0][changed], pairs[1][changed], loose)
     part = _possible(ids, group, given, fall, bodies.mass, bodies.inertia, before.poses,
                      before.velocities, bodies.poses, bodies.velocities)
     given *= part[group[ids], None]
-    one = np.where(loose[pairs[0]], *pairs)
+    one = np.where(loose[pairs[0]], pairs[0], pairs[1])
     moved = given.any(axis=1)
-    world.set_velocities(ids[moved], bodies.velocities[ids[moved]] + given[moved])
+    world.add_velocities(ids[moved], given[moved])
     return impulse + part[group[one], None] * (after - impulse)
 
 
