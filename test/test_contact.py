@@ -256,7 +256,7 @@ def test_a_stout_foot_turns_as_its_spring_says(width, length, count):
     base = count * length
     lever = float(simulation.poses[-1, 2])
     weight = simulation.blueprint.mass[-1] * 9.81
-    for _ in range(600):
+    for _ in range(400):
         simulation.step()
         simulation.apply_impulse('tree/' + str(count), (4.0 * _DT, 0.0, 0.0))
     moved = float(simulation.poses[-1, 0])

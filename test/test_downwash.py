@@ -98,7 +98,7 @@ def test_a_drone_moves_the_branches_below_it(enabled):
     assert moved[:half].max() > 0.01
     assert moved[half:].max() < 1e-6
     simulation.set_thrust((0.0, 0.0, 0.0))
-    simulation.step(600)
+    simulation.step(300)
     assert np.abs(simulation.poses - start).max() < 2e-3
 
 

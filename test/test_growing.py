@@ -207,7 +207,7 @@ def test_a_grown_tree_swings_and_breaks_as_one_that_was_loaded():
             top = int(np.argmax(np.where(there, rest.poses[:, 2], -1.0)))
             simulation.apply_impulse(part, (blow, 0.0, 0.0))
             path = []
-            for _ in range(240):
+            for _ in range(120):
                 simulation.step()
                 path.append(simulation.poses[top, 0] - rest.poses[top, 0])
             found.append((np.array(path), simulation.events['load']))

@@ -91,7 +91,7 @@ def test_the_mast_springs_back_when_it_leaves():
     drive(simulation, np.array([-0.3, 0.0, 3.0]), np.array([0.2, 0.0, 0.0]), 2.0)
     assert simulation.poses[12, 0] > 0.02
     simulation.place_intruder([-50.0, 0.0, 3.0, *_TURN])
-    simulation.step(600)
+    simulation.step(300)
     assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-3
     assert np.abs(simulation.intruder_wrench).max() == 0.0
     assert np.abs(simulation.wrench_on_intruder('intruder')).max() < 1e-6

@@ -15,7 +15,10 @@
 
 """Trees of a scene begin where its mean wind holds them."""
 
+from collections.abc import Sequence
+from copy import copy
 from dataclasses import replace
+from functools import cache
 
 from grown_trees import beam, BENDING, bush, LENGTH, RADIUS
 from masonry_walls import wall
@@ -35,16 +38,24 @@ _SPECIES = ('oak', 'pine', 'birch', 'willow', 'palm')
 _WEIGHTLESS = (0.0, 0.0, 0.0)
 
 
-def _stand(number: int, speed: float, seed: int = 0, turbulence: float = 0.0,
-           **keys: object) -> Simulation:
-    """Grow a mixed stand in a wind."""
+@cache
+def _plan(number: int) -> Scene:
+    """Grow a mixed stand."""
     side, share = 10.0 * (np.sqrt(number / 5) + 1.0), number // 5
     objects = {name: {'grammar': f'{name}.lsys', 'count': share, 'layout': 'scatter',
                       'spacing': 10.0, 'origin': [(i % 3) * side, (i // 3) * side, 0.0]}
                for i, name in enumerate(_SPECIES)}
-    wind = {'velocity': [speed, 0.0, 0.0], 'turbulence_intensity': turbulence}
-    return Simulation(Scene.from_parameters({
-        'scene': {'objects': list(objects)}, **objects, 'wind': wind, **keys}), seed=seed)
+    return Scene.from_parameters({'scene': {'objects': list(objects)}, **objects})
+
+
+def _stand(number: int, speed: float, seed: int = 0, turbulence: float = 0.0,
+           cues: Sequence[str] = (), **keys: object) -> Simulation:
+    """Make a simulation of a mixed stand in a wind."""
+    scene = copy(_plan(number))
+    scene.settings = Scene.from_parameters({
+        'scene': {'objects': [], 'cues': list(cues)}, **keys, 'wind': {
+            'velocity': [speed, 0.0, 0.0], 'turbulence_intensity': turbulence}}).settings
+    return Simulation(scene, seed=seed)
 
 
 def _bushes(wind: tuple[float, float, float] = (12.0, 0.0, 0.0), *others: object,
@@ -104,10 +115,8 @@ def _elastica(load: float) -> float:
 def test_trees_begin_where_a_slow_ramp_takes_them():
     """Compare all joints with those after a wind that came up in 15 s and blew for as long."""
     speed = 16.0
-    scene = {'objects': list(_SPECIES)}
     fresh = _stand(5, speed)
-    ramp = _stand(5, 0.0,
-                  scene={**scene, 'cues': [f'0 wind velocity={speed},0,0 ramp=15']})
+    ramp = _stand(5, 0.0, cues=[f'0 wind velocity={speed},0,0 ramp=15'])
     assert not ramp.state.forest.bends.any()
     ramp.step(30 * 60)
     wanted, found = ramp.state.forest.bends[:, :2], fresh.state.forest.bends[:, :2]

@@ -181,13 +181,18 @@ def _marked(axis, path, left, right):
     return text
 
 
+@pytest.fixture(scope='module')
+def axiom():
+    """Grow some random trees."""
+    random = np.random.default_rng(7)
+    return 'A' + ''.join(f'[{_grow(random, 4)}]' for _ in range(110))
+
+
 @pytest.mark.parametrize('right', ['A', 'AB', '[A]B', '[A]', '[A][B]', '[A=]', '[B[A]]',
                                    '[AB=]A', '[[B]A]', '[A[B=]][A]'])
 @pytest.mark.parametrize('left', ['*', 'BA'])
-def test_random_trees(left, right):
+def test_random_trees(axiom, left, right):
     """Agree with a search over nested lists on random trees."""
-    random = np.random.default_rng(7)
-    axiom = 'A' + ''.join(f'[{_grow(random, 4)}]' for _ in range(110))
     expected = _marked(_read(axiom)[0], '', left.strip('*'), _read(right)[0])
     assert _step(axiom, f'{left} < B > {right} -> X', 'ignore: +') == expected
     assert expected.count('X') > 0

@@ -27,7 +27,7 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import masonry, Simulation
 
-SHIPPED = ['barn', 'church', 'cottage', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower']
+SHIPPED = ['barn', 'church', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower', 'cottage']
 WAYS = [(1.0, 0.0), (0.0, -1.0), (-0.7071, 0.7071)]
 GALE = 20.0  # [m/s] at 10 m, Beaufort 8. Where joints crack first: cottage 22, barn 25, terrace
 #              30; office and tower bear 30
@@ -97,6 +97,17 @@ def test_buildings_stand_a_gale_unbroken(name):
     assert max(strained) > 1.02 * calm
 
 
+def test_a_cottage_cracks_in_a_storm_and_stands():
+    """Crack joints of the upper storey at 24 m/s, but lose no brick."""
+    simulation = _blow('cottage')
+    whole = np.count_nonzero(simulation.state.standing)
+    _let_answer(simulation, (0.0, 24.0))
+    broken = simulation.events['part_a']
+    assert masonry.is_stable(simulation.state) and 0 < len(broken) < 400
+    assert np.count_nonzero(simulation.state.standing) == whole
+    assert np.median(simulation.blueprint.poses[broken, 2]) > 2.7
+
+
 def test_a_bridge_of_stone_takes_no_notice_of_a_gale():
     """Blow at 20 m/s across: walls of 1.2 m are strained by it less than a tenth more."""
     simulation = _blow('bridge')
@@ -120,17 +131,6 @@ def test_an_arcade_one_brick_thick_stands_a_breeze_and_breaks_in_a_gale():
     while not simulation.bonds_broken and simulation.time < 20.0:
         simulation.step(5)
     assert simulation.bonds_broken > 0
-
-
-def test_a_cottage_cracks_in_a_storm_and_stands():
-    """Crack joints of the upper storey at 24 m/s, but lose no brick."""
-    simulation = _blow('cottage')
-    whole = np.count_nonzero(simulation.state.standing)
-    _let_answer(simulation, (0.0, 24.0))
-    broken = simulation.events['part_a']
-    assert masonry.is_stable(simulation.state) and 0 < len(broken) < 400
-    assert np.count_nonzero(simulation.state.standing) == whole
-    assert np.median(simulation.blueprint.poses[broken, 2]) > 2.7
 
 
 def test_a_hurricane_breaks_the_cottage():

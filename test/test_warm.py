@@ -57,7 +57,7 @@ tell()
 for name in ('demo', 'wrecking_ball', 'dry_stone', 'ivy_on_wall', 'palms_in_a_gust',
              'mechanisms'):
     simulation = Simulation(Scene.from_yaml(shared_folder() / 'config' / f'{name}.yaml'))
-    simulation.step(60)
+    simulation.step(20)
     simulation.explode(tuple(simulation.blueprint.poses[0, :3] + (0.0, 1.0, 1.0)), 3.0)
     simulation.step(10)
     simulation.close()

@@ -133,7 +133,8 @@ def test_a_scene_knows_what_shelters_it():
 def test_what_was_taken_out_shelters_nothing():
     """Take a house away, and put another one elsewhere: only that one shelters, saved as well."""
     scene = Scene.from_parameters({
-        'scene': {'objects': ['house']}, 'house': {'grammar': 'cottage.wall'},
+        'scene': {'objects': ['house']}, 'house': {
+            'grammar': 'cottage.wall', 'defines': ['storeys=1', 'width=5.0525', 'depth=3.2525']},
         'wind': {'velocity': [14.0, 0.0, 0.0], 'shelter': True}})
     simulation = Simulation(scene)
     assert len(simulation.state.wind.shelter.buildings) == 1
