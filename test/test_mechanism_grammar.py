@@ -152,6 +152,17 @@ def test_a_grammar_includes_rules_and_materials(tmp_path):
      'apply itself without end'),
     ('mechanism m { a(1) } rule a(n) : n > 1 -> { }', 'no rule "a(1)" applies'),
     ('mechanism m { repeat k(2.5) { } }', 'repeat is 2.5, it must be a whole number'),
+    ('mechanism m { repeat k(9999) { repeat j(9999) { repeat i(9999) { } } } }',
+     'the mechanism takes more than 100000 statements; make it smaller'),
+    ('mechanism m { box a { size: 1, 1, 1  hinge { limits: 5, 20 } } }', 'limits are 5, 20: 0, '
+     'where it is built, must not be beyond them'),
+    ('mechanism m { box a { size: 1, 1, 1  rope { end: 0, 0, 4  length: 3.9 } } }', 'length is '
+     '3.9, it must not be below the 4 m between its ends'),
+    ('mechanism m { box a { size: 1, 1, 1  hinge { collides: 0.5 } } }', 'collides is 0.5, it '
+     'must be 0 or 1'),
+    ('mechanism m { box a { size: 1, 1, 1  hinge { motor: 1e6, 1e9 } } }', 'the speed of a motor '
+     'is 1e+06, it must be from -100000 to 100000'),
+    ('mechanism m { a(1, 2) } rule a(n, n) -> { }', 'the parameter "n" is given twice'),
     ('mechanism m { box a { size: widht, 1, 1 } }', 'unknown name "widht"'),
     ('mechanism m(width = 1) { box a { size: widht, 1, 1 } }', 'did you mean width'),
     ('mechanism m { box a { size: 1 1, 1 } }', 'found "1", expected'),

@@ -313,6 +313,26 @@ def test_parts_of_a_mechanism_that_overlap_do_not_push_each_other():
     np.testing.assert_allclose(simulation.poses, before, atol=1e-3)
 
 
+@pytest.mark.parametrize('late', [False, True])
+@pytest.mark.parametrize('strength', ['', 'strength: 1e6, 1e6'])
+def test_what_is_welded_to_the_ground_does_not_push_what_is_welded_there(strength, late):
+    """Overlap posts of two mechanisms, built together or one in a running scene."""
+    post = MechanismGrammar.parse('mechanism m { box foot { size: 1, 1, 1  at: 0, 0, 0.5  weld { '
+                                  f'{strength} }} }}  box top {{ size: 1, 1, 1  at: 0, 0, 1.2  '
+                                  f'weld {{ to: foot  {strength} }} }} }}').build()
+    scene = Scene()
+    scene.add(post, name='one')
+    if not late:
+        scene.add(post, (0.5, 0.2, 0.0), name='two')
+    simulation = Simulation(scene)
+    if late:
+        simulation.add(post, (0.5, 0.2, 0.0), name='two')
+    before = simulation.poses
+    simulation.step(120)
+    np.testing.assert_allclose(simulation.poses, before, atol=1e-3)
+    assert not len(simulation.events)
+
+
 def test_a_mechanism_joins_and_leaves_a_running_scene():
     """Add a second pendulum, drive the first; remove it without a word of breaking."""
     text = ('mechanism m { ball { diameter: 0.3  at: 1, 0, 2'

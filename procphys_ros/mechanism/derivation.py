@@ -36,12 +36,13 @@ from procphys_ros.mechanism.spec import (
     Repetition,
     Statement,
 )
-from procphys_ros.mechanism.tables import RANGES
+from procphys_ros.mechanism.tables import FASTEST, RANGES
 
 _DEEPEST = 1000        # nesting of rules
 _MOST_STEPS = 100_000  # statements of one mechanism
 _HEAVIEST = 1e12       # weight of a rule; sums stay finite
 _STRAIGHT = 1e-9       # length of an axis that counts as none
+_ROUNDING = 1e-6       # of lengths and displacements that expressions give
 AXES = np.eye(3)
 
 
@@ -159,10 +160,7 @@ class MechanismWriter:
                     scope: RuleScope) -> 'Iterator[Iterator]':
         """Execute statements; yield the execution of inner ones."""
         for statement in statements:
-            self.steps += 1
-            if self.steps > _MOST_STEPS:
-                raise self.spec.place.error(f'the mechanism takes more than {_MOST_STEPS} '
-                                            'statements; make it smaller')
+            self._count()
             if isinstance(statement, Definition):
                 scope.values[statement.name] = self._number(statement.value, scope)
             elif isinstance(statement, PartStatement):
@@ -171,6 +169,13 @@ class MechanismWriter:
                 yield from self._repeat(statement, scope)
             else:
                 yield self._apply(statement, scope)
+
+    def _count(self) -> None:
+        """Count a statement or a repetition; raise GrammarError for too many."""
+        self.steps += 1
+        if self.steps > _MOST_STEPS:
+            raise self.spec.place.error(f'the mechanism takes more than {_MOST_STEPS} '
+                                        'statements; make it smaller')
 
     def _number(self, expression: Expression, scope: RuleScope) -> float:
         return expression.number(scope.values, self.generator)
@@ -196,6 +201,7 @@ class MechanismWriter:
             raise statement.count.place.error(f'repeat is {count:g}, it must be a whole number '
                                               f'from 0 to {self.most_parts}')
         for k in range(int(count)):
+            self._count()
             inner = RuleScope({**scope.values, statement.variable: float(k)}, scope.frame,
                               scope.parent, outer=scope, level=scope.level)
             yield self._statements(statement.statements, inner)
@@ -274,6 +280,11 @@ class MechanismWriter:
         place = np.array([*numbers.get('at', tuple(centre)), *turn])
         end = np.array(numbers.get('end', tuple(place[:3])))
         self._check(joint, numbers)
+        span = float(norm(place[:3] - end))
+        length = numbers.get('length', (span,))[0]
+        if length < span * (1.0 - _ROUNDING):
+            raise joint.settings['length'].place.error(
+                f'length is {length:g}, it must not be below the {span:g} m between its ends')
         self.joints.append(WrittenJoint(
             joint.kind, joint.name or self.parts[part].name, (other, part),
             rotation.compose(scope.frame, place),
@@ -285,6 +296,16 @@ class MechanismWriter:
         if low > high:
             raise joint.settings['limits'].place.error(f'limits are {low:g}, {high:g}: the first '
                                                        'must not be above the second')
+        if not low - _ROUNDING <= 0.0 <= high + _ROUNDING:
+            raise joint.settings['limits'].place.error(
+                f'limits are {low:g}, {high:g}: 0, where it is built, must not be beyond them')
+        if numbers.get('collides', (0.0,))[0] not in (0.0, 1.0):
+            raise joint.settings['collides'].place.error(
+                f'collides is {numbers["collides"][0]:g}, it must be 0 or 1')
+        if abs(numbers.get('motor', (0.0,))[0]) > FASTEST:
+            raise joint.settings['motor'].place.error(
+                f'the speed of a motor is {numbers["motor"][0]:g}, it must be from '
+                f'{-FASTEST:g} to {FASTEST:g}')
         for key, place, name in (('spring', 0, 'stiffness'), ('motor', 1, 'force or moment'),
                                  ('motor', 2, 'highest speed')):
             if len(numbers.get(key, ())) > place and numbers[key][place] < 0.0:
@@ -295,10 +316,13 @@ class MechanismWriter:
 
 def _pose(numbers: Mapping[str, tuple[float, ...]]) -> np.ndarray:
     """Return the pose of `at` and `turn`, roll, pitch and yaw about fixed axes, (7,)."""
+    place = numbers.get('at', (0.0, 0.0, 0.0))
+    if 'turn' not in numbers:
+        return np.array([*place, *rotation.IDENTITY])
     roll, pitch, yaw = (rotation.from_axis_angle(axis, np.radians(angle)) for axis, angle
-                        in zip(AXES, numbers.get('turn', (0.0, 0.0, 0.0))))
+                        in zip(AXES, numbers['turn']))
     turn = rotation.multiply(yaw, rotation.multiply(pitch, roll))
-    return np.array([*numbers.get('at', (0.0, 0.0, 0.0)), *turn])
+    return np.array([*place, *turn])
 
 
 def _between(numbers: Mapping[str, tuple[float, ...]], rod: PartStatement) -> np.ndarray:

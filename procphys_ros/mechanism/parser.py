@@ -193,6 +193,8 @@ class _MechanismReader:
     def rule(self, node: Node) -> MechanismRule:
         name, formals, condition, *body, weight = node.children
         parameters = tuple(str(c) for c in formals.children if c is not None)
+        for twice in (p for i, p in enumerate(parameters) if p in parameters[:i]):
+            raise self.place(node).error(f'the parameter "{twice}" is given twice')
         known = (*self.known, *parameters)
 
         def optional(part: Node) -> Expression | None:

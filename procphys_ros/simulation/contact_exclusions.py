@@ -162,13 +162,17 @@ def add_split(state: State, pieces: list[np.ndarray]) -> None:
 
 def add_mechanisms(state: State, groups: Sequence[np.ndarray]) -> None:
     """
-    Exclude the overlaps of parts of the same mechanism from contact.
+    Exclude the overlaps of loose parts of the same group from contact.
 
-    :param groups: parts of each mechanism, (P,).
+    :param groups: parts of each, ascending, (P,).
     """
+    own = state.parts
     for parts in groups:
-        one, other = np.triu_indices(len(parts), 1)
-        add_parted(state, np.column_stack([parts[one], parts[other]]))
+        bounds = piece_bounds(own.shape[parts], own.poses[parts], own.solid_size[parts],
+                              np.zeros((len(parts), 6)), 0.0, 0.0)
+        one, other = overlaps(bounds, bounds)
+        once = one < other
+        add_parted(state, np.column_stack([parts[one[once]], parts[other[once]]]))
 
 
 def add_parted(state: State, pairs: np.ndarray) -> None:

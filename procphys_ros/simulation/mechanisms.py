@@ -112,7 +112,7 @@ def connect(model: Model, state: State, first: int = 0) -> None:
     for column in fields(MechanismState):
         known = getattr(own, column.name)[:first]
         setattr(own, column.name, np.concatenate([known, getattr(more, column.name)]))
-    _exclude(model, state, joints.parts[rows])
+    _exclude(model, state, first)
     ends = _bodies(state, joints.parts[rows])
     rows = rows[ends[:, 0] != ends[:, 1]]
     new = joints.take(rows)
@@ -126,14 +126,34 @@ def connect(model: Model, state: State, first: int = 0) -> None:
                      new.force, new.moment, new.collides), far)
 
 
-def _exclude(model: Model, state: State, pairs: np.ndarray) -> None:
-    """Exclude the overlaps of jointed parts of one object from contact, (J, 2)."""
+def _exclude(model: Model, state: State, first: int) -> None:
+    """
+    Exclude the overlaps of jointed parts of one object from contact, and of what welds hold.
+
+    Nothing that is welded to the ground can give way to what is welded there, too.
+
+    :param first: row of the first joint that is new.
+    """
+    pairs = model.blueprint.joints.parts[first:]
     jointed = np.unique(pairs[pairs != GROUND])
     owners = np.array([thing.first for thing in model.objects])
     starts = np.searchsorted(owners, jointed, side='right')
     ends = np.flatnonzero(np.diff(starts)) + 1
-    contact_exclusions.add_mechanisms(state, np.split(jointed, ends))
+    contact_exclusions.add_mechanisms(state, [*np.split(jointed, ends),
+                                              _welded_to_ground(model, state, first)])
     contact_exclusions.update(model, state)
+
+
+def _welded_to_ground(model: Model, state: State, first: int) -> np.ndarray:
+    """List the loose parts that welds, old or new, hold on the ground, ascending, (K,)."""
+    joints = model.blueprint.joints
+    holds = joints.kind == JointType.WELD
+    broken = torn(model, state)
+    holds[broken[broken < first]] = False
+    count = len(model.blueprint)
+    ends = np.where(joints.parts == GROUND, count, joints.parts).T.copy()
+    held = label(count, ends[0], ends[1], holds)[1]
+    return np.flatnonzero(held & (state.parts.owner == Owner.BODY))
 
 
 def _bodies(state: State, parts: np.ndarray) -> np.ndarray:
@@ -288,8 +308,10 @@ def break_overloaded(model: Model, state: State, dt: float) -> None:
     broken = np.flatnonzero(there & rows.broken[ids])
     if not len(broken):
         return
-    share = np.column_stack([norm(rows.force[ids[broken]], axis=1) / joints.force[broken],
-                             norm(rows.moment[ids[broken]], axis=1) / joints.moment[broken]])
+    least = np.finfo(float).tiny  # a strength of 0 bears nothing
+    share = np.column_stack([
+        norm(rows.force[ids[broken]], axis=1) / np.maximum(joints.force[broken], least),
+        norm(rows.moment[ids[broken]], axis=1) / np.maximum(joints.moment[broken], least)])
     causes = np.where(share[:, 1] > share[:, 0], Cause.TWIST, Cause.FORCE)
     breaking.break_joints(model, state, alive[broken], causes)
     contact_exclusions.update(model, state)
