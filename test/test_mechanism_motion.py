@@ -364,9 +364,43 @@ def test_commands_to_joints_are_checked():
             (('m/loose', 'velocity', 1.0), 'm/loose has no motor'),
             (('m/slew', 'speed', 1.0), "joint.mode is 'speed', it must be one of position"),
             (('m/slew', 'velocity', float('nan')), 'joint.value is nan'),
+            (('m/slew', 'velocity', 1e5), 'the velocity of m/slew is 100000, it must be from '
+             '-1745.33 to 1745.33'),
             (('m/slew', 'effort', 1e9), 'joint.value is 1e+09')):
         with pytest.raises(CommandError, match=message.replace('+', r'\+')):
             simulation.drive_joint(*wish)
+
+
+@pytest.mark.parametrize('mode, value', [('effort', 1e6), ('position', 1e6), ('velocity', 1745)])
+def test_the_fastest_motor_keeps_its_joint_together(mode, value):
+    """Drive a light arm as hard as commands allow: it turns about its pin."""
+    simulation = simulate('box a { size: 0.1, 0.02, 0.02  at: 0.2, 0, 2'
+                          '  hinge { at: 0, 0, 2  axis: 0, 1, 0  motor: 0, 1e12 } }')
+    simulation.drive_joint('m/a', mode, value)
+    simulation.step(90)
+    assert abs(simulation.joints.velocity[0]) == pytest.approx(1745.0, rel=0.01)
+    assert gaps(simulation).max() < 0.1
+
+
+def test_an_effort_below_its_friction_moves_no_more_than_itself():
+    """Accelerate a load with 2 N: a motor that runs does not feel the friction of 5 N."""
+    simulation = simulate('box a { size: 1, 1, 1  at: 0, 0, 2  mass: 10'
+                          '  slider { axis: 1, 0, 0  friction: 5  motor: 0, 100 } }')
+    simulation.drive_joint('m/a', 'effort', 2.0)
+    simulation.step(60)
+    assert simulation.joints.velocity[0] == pytest.approx(0.2, rel=0.01)
+    assert simulation.joints.effort[0] == pytest.approx(2.0, rel=0.01)
+
+
+def test_a_removed_mechanism_has_no_joints_at_once():
+    """Read joints after removal and after a reset that removes it again, without a step."""
+    simulation = simulate('box a { size: 1, 1, 1  at: 0, 0, 2  hinge { motor: 0, 10 } }')
+    simulation.remove('m')
+    assert simulation.joints.names == ()
+    simulation.reset()
+    assert simulation.joints.names == ()
+    with pytest.raises(CommandError, match='is gone'):
+        simulation.drive_joint('m/a', 'velocity', 1.0)
 
 
 def test_cues_drive_joints():

@@ -30,6 +30,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 GROUND = -1  # stands in `Blueprint.bonds` for the ground
+FASTEST = 1e5  # [m/s], [degrees/s] of motors: 17 000 revolutions per minute
 BALLS = ('projectile', 'ball')  # kinds of parts that are balls
 
 

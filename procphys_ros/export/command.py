@@ -63,7 +63,7 @@ def _parser() -> OneLineParser:
         'Write a scene as a file for other programs: USD (.usda, .usdc), MuJoCo (.xml), '
         'URDF (.urdf), Gazebo (.sdf), glTF (.glb).'))
     parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
-                        'grammar (.lsys, .wall) or scanned tree (.csv, .mtg, .ply)')
+                        'grammar (.lsys, .wall, .mech) or scanned tree (.csv, .mtg, .ply)')
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')
     when = parser.add_mutually_exclusive_group()

@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.blueprint import GROUND
+from procphys_ros.blueprint import FASTEST, GROUND
 from procphys_ros.errors import nearest_names
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
@@ -36,7 +36,7 @@ from procphys_ros.mechanism.spec import (
     Repetition,
     Statement,
 )
-from procphys_ros.mechanism.tables import FASTEST, RANGES
+from procphys_ros.mechanism.tables import RANGES
 
 _DEEPEST = 1000        # nesting of rules
 _MOST_STEPS = 100_000  # statements of one mechanism

@@ -61,7 +61,6 @@ class ValueRange(NamedTuple):
 
 
 _LONGEST, _HARDEST = 1e3, 1e12  # [m], [N] and [N·m], beyond any machine
-FASTEST = 1e5  # [m/s], [degrees/s] of motors: 17 000 revolutions per minute
 _POINT = ValueRange((3,), -_LONGEST, _LONGEST, 'm')
 _LENGTH = ValueRange((1,), 1e-3, _LONGEST, 'm')
 RANGES = {

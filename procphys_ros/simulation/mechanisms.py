@@ -18,7 +18,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from procphys_ros.blueprint import Blueprint, GROUND, Joints, JointType
+from procphys_ros.blueprint import Blueprint, FASTEST, GROUND, Joints, JointType
 from procphys_ros.errors import CommandError, nearest_names, SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
@@ -176,29 +176,20 @@ def drive_motors(model: Model, state: State, dt: float) -> None:
     if not len(alive):
         return
     joints, ids = model.blueprint.joints.take(alive), own.joint[alive]
-    speed, target = own.speed[alive], own.target[alive]
-    aimed = ~np.isnan(target)
+    speed, target, applied = own.speed[alive], own.target[alive], own.applied[alive]
+    aimed, pushed, most = ~np.isnan(target), applied != 0.0, _top_speed(joints.kind)
     wanted = (target[aimed] - world.joints.way[ids[aimed]]) / dt
-    most = joints.fastest[aimed]
-    speed[aimed] = np.clip(wanted, -most, most)
-    pushed = own.applied[alive] != 0.0
-    world.set_motors(ids, *_motors(joints, speed, np.where(pushed, 0.0, own.effort[alive])))
-    for row in np.flatnonzero(pushed).tolist():
-        _push(state, joints.kind[row], ids[row], own.applied[alive[row]] * dt)
+    fastest = np.minimum(joints.fastest, most)[aimed]
+    speed[aimed] = np.clip(wanted, -fastest, fastest)
+    # An effort is a motor of that force which never gets to its speed.
+    speed = np.where(pushed, np.sign(applied) * most, np.clip(speed, -most, most))
+    speed, drive = _motors(joints, speed, np.where(pushed, np.abs(applied), own.effort[alive]))
+    world.set_motors(ids, speed, np.where(pushed, np.abs(applied), drive))
 
 
-def _push(state: State, kind: int, joint: int, impulse: float) -> None:
-    """Apply an impulse along the axis of a joint, or about it, to both of its bodies."""
-    rows = state.world.joints
-    first, second = int(rows.first[joint]), int(rows.second[joint])
-    place, axis, point = _placed(state.world, np.array([joint]))
-    for body, sign in ((first, 1.0), (second, -1.0)):
-        if body == World.ground:
-            continue
-        if kind == JointType.HINGE:
-            state.world.apply_impulse(body, np.zeros(3), None, sign * impulse * axis[0])
-        else:
-            state.world.apply_impulse(body, sign * impulse * axis[0], point[0])
+def _top_speed(kind: np.ndarray) -> np.ndarray:
+    """Return the highest speed of the motors of joints [m/s], [rad/s], (K,)."""
+    return np.where(kind == JointType.HINGE, np.radians(FASTEST), FASTEST)
 
 
 def _placed(world: World, ids: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -335,7 +326,8 @@ def names(model: Model, state: State) -> list[str]:
 def read_joints(model: Model, state: State) -> JointReadings:
     """Return the displacements of all joints with an axis that hold."""
     own, joints = state.mechanisms, model.blueprint.joints
-    rows = np.flatnonzero((own.joint >= 0) & np.isin(joints.kind, _ALONG))
+    there = state.parts.owner[joints.parts[:, 1]] == Owner.BODY  # not removed since the last step
+    rows = np.flatnonzero((own.joint >= 0) & there & np.isin(joints.kind, _ALONG))
     ids, world = own.joint[rows], state.world
     known = names(model, state)
     engine = world.joints.of(ids)
@@ -351,8 +343,7 @@ def read_joints(model: Model, state: State) -> JointReadings:
     position[rope] = norm(point[rope] - at[rope], axis=1)
     effort = np.where(turns[:, None], engine.moment, engine.force)
     return JointReadings(tuple(known[row] for row in rows.tolist()), position,
-                         (slip * axis).sum(axis=1), (effort * axis).sum(axis=1)
-                         + own.applied[rows])
+                         (slip * axis).sum(axis=1), (effort * axis).sum(axis=1))
 
 
 def find(model: Model, state: State, wish: DriveJoint) -> int:
@@ -367,10 +358,14 @@ def find(model: Model, state: State, wish: DriveJoint) -> int:
         raise CommandError(f'there is no joint "{wish.target}"'
                            f'{nearest_names(wish.target, known)} (joints: {listed})')
     row = known.index(wish.target)
-    if own.joint[row] < 0:
-        raise CommandError(f'{wish.target} has broken')
+    if own.joint[row] < 0 or state.parts.owner[joints.parts[row, 1]] != Owner.BODY:
+        raise CommandError(f'{wish.target} has broken, or is gone')
     if joints.kind[row] not in _DRIVEN or joints.effort[row] == 0.0:
         raise CommandError(f'{wish.target} has no motor; a hinge or a slider with "motor:" has')
+    most = float(_top_speed(joints.kind[row]))
+    if wish.mode == 'velocity' and abs(wish.value) > most:
+        raise CommandError(f'the velocity of {wish.target} is {wish.value:g}, it must be from '
+                           f'{-most:g} to {most:g}')
     return row
 
 
