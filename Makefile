@@ -23,14 +23,15 @@ export PYTHONDONTWRITEBYTECODE :=
 
 # What the node needs for its first poses it compiles first, the rest beside its steps.
 # A shell that waits for the node in the foreground hears no signal before the node has ended, and
-# one that comes between a start and the note of its number finds nothing to end yet.
+# one that comes between a start and the note of its number finds nothing to end yet.  A child that
+# has only just been forked may miss a signal, so that the page is sent one until it is gone.
 run: $(VENV)/.installed-run
 	code=0; trap 'code=130; kill $$page $$node 2>/dev/null' HUP INT TERM; \
 	  $(BIN)/view --port $(PORT) & page=$$!; \
 	  $(VENV)/lib/procphys_ros/sim --ros-args --params-file $(SCENE) & node=$$!; \
 	  test $$code = 0 || kill $$page $$node 2>/dev/null; \
 	  wait $$node; ended=$$?; test $$code != 0 || code=$$ended; \
-	  kill $$page 2>/dev/null; wait; exit $$code
+	  while kill $$page 2>/dev/null; do sleep 0.5; done; wait; exit $$code
 
 # Compiles nothing when the user's cache folder has everything.
 warm: $(VENV)/.installed-run
