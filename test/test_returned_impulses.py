@@ -21,6 +21,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.kinetic import free_spins, motion_energy
 from procphys_ros.physics.world import World
+from procphys_ros.physics.world.pieces import single
 from procphys_ros.physics.world.returned_impulses import Begun, give_back
 
 _STEP = 1.0 / 60.0  # [s]
@@ -112,3 +113,23 @@ def test_what_still_has_support_stays_up():
         assert np.abs(motion[whole, :3]).max() < 0.3
         on_weak = (contacts.body_a == weak) | (contacts.body_b == weak)
         assert left[on_weak, 3] == pytest.approx(0.1 * contacts.normal_impulse[on_weak])
+
+
+def test_what_is_driven_pushes_on():
+    """Drive a plate against two blocks of which the second breaks: the first keeps its push."""
+    with World(gravity=(0.0, 0.0, 0.0), engine='native') as world:
+        plate = world.add_driven(single(Shape.BOX, np.full(3, 0.2)),
+                                 np.array([-0.2, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+        whole, weak = (world.add_body(Shape.BOX, np.full(3, 0.2), 10.0,
+                                      np.array([x, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+                       for x in (0.0, 0.2))
+        world.drive(plate, np.array([-0.19, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+        start = Begun(world.bodies.poses.copy(), world.bodies.velocities.copy())
+        world.step(1.0 / 240.0)
+        share = np.ones(len(world.bodies.mass))
+        share[weak] = 0.1
+        pushed = world.bodies.velocities[whole, 0]
+        give_back(world, world.contacts(), start, 0.0, share)
+        assert pushed > 2.0  # [m/s]; the plate has 2.4
+        assert world.bodies.velocities[whole, 0] == pytest.approx(pushed, abs=0.1)
+        assert world.bodies.velocities[weak, 0] < 0.2 * pushed

@@ -76,18 +76,18 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     bodies = world.bodies
     loose = bodies.state == BodyState.AWAKE
     pairs = np.stack([contacts.body_a, contacts.body_b])
-    ids = np.unique(pairs[loose[pairs]])
-    row = np.full(len(loose), len(ids))
-    row[ids] = np.arange(len(ids))
-    first, second = row[pairs]
-    kept = np.minimum(share[contacts.body_a], share[contacts.body_b])
-    state = _states(bodies.mass[ids], bodies.inertia[ids], before.poses[ids],
-                    bodies.velocities[ids])
+    ids, row = np.unique(pairs, return_inverse=True)
+    first, second = row.reshape(pairs.shape)
+    free = loose[ids]
+    moves = free | (bodies.state[ids] == BodyState.KINEMATIC)
+    state = _states(np.where(free, bodies.mass[ids], np.inf), bodies.inertia[ids],
+                    before.poses[ids], bodies.velocities[ids] * moves[:, None])
     impulse = np.column_stack([contacts.impulse, contacts.normal_impulse])
+    kept = np.minimum(share[contacts.body_a], share[contacts.body_b])
     after = _solved(first, second, np.ascontiguousarray(contacts.point),
                     np.ascontiguousarray(contacts.normal), impulse, kept, before.poses[ids],
                     state)
-    given = state[:-1, :6] - bodies.velocities[ids]
+    ids, given = ids[free], state[free, :6] - bodies.velocities[ids[free]]
     changed = (after != impulse).any(axis=1)
     group = group_bodies(pairs[0][changed], pairs[1][changed], loose)
     part = _possible(ids, group, given, fall, bodies.mass, bodies.inertia, before.poses,
@@ -120,12 +120,14 @@ def group_bodies(first: np.ndarray, second: np.ndarray, loose: np.ndarray) -> np
 
 @kernel
 def _states(mass, inertia, pose, velocity):
-    """Build the rows of bodies, and one of what is immovable, (K + 1, BODY)."""
-    out = np.zeros((len(mass) + 1, BODY))
+    """Build the rows of bodies, (K, BODY); those of infinite mass follow no impulse."""
+    out = np.zeros((len(mass), BODY))
     for i in range(len(mass)):
         for w in range(6):
             out[i, w] = velocity[i, w]
         light = 1.0 / mass[i]
+        if light == 0.0:
+            continue
         put(out, i, LIGHT, (light, light, light))
         x, y, z = matrix_rows(pose[i, 3:])
         a, b, c = at(inertia, i)
@@ -151,8 +153,8 @@ def _solved(first, second, point, normal, impulse, kept, poses, state):
     arms, ease = np.empty((count, 6)), np.empty(count)
     for c in range(count):
         i, j, n = first[c], second[c], at(normal, c)
-        put(arms, c, 0, less(at(point, c), at(poses, i)) if i < len(poses) else n)
-        put(arms, c, 3, less(at(point, c), at(poses, j)) if j < len(poses) else n)
+        put(arms, c, 0, less(at(point, c), at(poses, i)))
+        put(arms, c, 3, less(at(point, c), at(poses, j)))
         ease[c] = _ease(c, i, j, arms, n, state)
         if kept[c] < 1.0:
             _press(c, i, j, arms, scaled(kept[c] - 1.0, at(impulse, c)), state, out)
