@@ -280,7 +280,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
                   joints, held, system, gravity, time_step, state, rows, spots):
     """Move the bodies of an island by a step."""
     contacts, hangs = range(begin, end), len(held) > 0
-    substeps, passes, fine = _pace(end - begin + len(held), time_step)
+    substeps, passes, fine = _pace(end - begin + jointed.work(held, system), time_step)
     if _energy(own, bodies, state) < _energy_at(SLEEP_SPEED, own, bodies):
         passes = 2 * _MOST_PASSES  # the rest of few passes would keep it from sleep
     h = time_step / substeps
