@@ -172,7 +172,7 @@ def test_blows_of_a_landing_have_the_energy_of_what_they_stop(monkeypatch, engin
 
     What lands together with what lies below it hardly moves against that, but is stopped alike.
     """
-    for seed in range(2):
+    for seed in range(4):
         found = landing(monkeypatch, engine, below, seed)
         assert found
         for own, told, contacts, _ in found:

@@ -209,7 +209,7 @@ def hostile(chosen, node, others):
     return key
 
 
-@pytest.mark.parametrize('seed', range(2))
+@pytest.mark.parametrize('seed', range(3))
 def test_hostile_tables_are_refused_or_are_states(saved, seed):
     """Change a table anywhere, its checksum being right: no error but a refusal in one line."""
     simulation, data = saved
