@@ -13,7 +13,7 @@
 # limitations under the License.
 
 
-"""Language: arithmetic, places and error messages that both grammar languages share."""
+"""Language: arithmetic, places and error messages that the grammar languages share."""
 
 from procphys_ros.language.arithmetic import Value
 from procphys_ros.language.curves import ControlCurve
@@ -22,6 +22,7 @@ from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
 from procphys_ros.language.includes import find_grammar, read_include
 from procphys_ros.language.place import Place
+from procphys_ros.language.reader import Entry, GrammarReader, Node
 from procphys_ros.language.syntax import (
     check_length,
     read_regular,
@@ -33,7 +34,10 @@ from procphys_ros.language.syntax import (
 __all__ = [
     'EXPRESSION_GRAMMAR',
     'EXPRESSION_WORDS',
+    'Entry',
     'Expression',
+    'GrammarReader',
+    'Node',
     'Place',
     'Value',
     'check_length',

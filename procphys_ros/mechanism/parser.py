@@ -15,23 +15,10 @@
 """Parser: from the text of a mechanism grammar to its spec."""
 
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias
-
-from lark import Lark
-from lark.exceptions import UnexpectedInput
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import (
-    compile_expression,
-    Expression,
-    Place,
-    read_include,
-    shorten,
-    syntax_error,
-)
-from procphys_ros.language.parsers import make_parser
+from procphys_ros.language import Expression, GrammarReader, Node, Place
 from procphys_ros.mechanism.grammar import MECHANISM_GRAMMAR, MECHANISM_WORDS
 from procphys_ros.mechanism.spec import (
     Application,
@@ -56,17 +43,9 @@ from procphys_ros.mechanism.tables import (
     RANGES,
     RULE_KEYS,
 )
-from procphys_ros.wallgrammar.spec import Entry
-
-Node: TypeAlias = Any  # a tree; lark types its children only as trees or tokens
 
 _DEEPEST = 32  # nesting of repetitions
 _RESERVED = ('ground', 'parent')  # names of no part
-
-
-@cache
-def _lark() -> Lark:
-    return make_parser(__name__, MECHANISM_GRAMMAR)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> MechanismSpec:
@@ -78,39 +57,19 @@ def parse(text: str, source: str, folder: Path | None = None) -> MechanismSpec:
     :param folder: searched first for included files; None = the shipped ones only.
     :raises GrammarError: where the text does not fit the language.
     """
-    reader = _MechanismReader(source, _tree(text, source))
+    reader = _MechanismReader(text, source)
     spec = reader.spec()
-    _include(spec, reader, folder, {Path(shorten(source)).resolve()})
-    _check_calls(spec)
-    return spec
-
-
-def _tree(text: str, source: str) -> Node:
-    try:
-        return _lark().parse(text)
-    except UnexpectedInput as problem:
-        raise syntax_error(problem, source, words=MECHANISM_WORDS) from None
-
-
-def _include(spec: MechanismSpec, reader: '_MechanismReader', folder: Path | None,
-             seen: set[Path]) -> None:
-    """Merge the rules and materials of included files; existing ones win."""
-    for node in reader.trees['include']:
-        found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
-        if found is None:
-            continue
-        path, text = found
-        seen.add(path)
-        inner = _MechanismReader(str(path), _tree(text, str(path)), included=True)
-        other = MechanismSpec('', (), (), Place(str(path)))
+    for inner in reader.included(folder):  # existing rules and materials win
+        other = MechanismSpec('', (), (), Place(inner.source))
         inner.tables(other)
         spec.rules.update({**other.rules, **spec.rules})
         spec.materials.update({**other.materials, **spec.materials})
         spec.places.update({**other.places, **spec.places})
-        _include(spec, inner, path.parent, seen)
+    _check_calls(spec)
+    return spec
 
 
-class _MechanismReader:
+class _MechanismReader(GrammarReader):
     """
     Turns the parse tree into a spec.
 
@@ -118,37 +77,19 @@ class _MechanismReader:
         outside of it.
     """
 
-    def __init__(self, source: str, tree: Node, included: bool = False):
-        self.source = source
-        self.trees: dict[str, list[Node]] = {kind: [] for kind in (
-            'include', 'mechanism', 'let', 'rule', 'material')}
-        for child in tree.children:
-            self.trees[child.data].append(child)
-        self.known: tuple[str, ...] = ()
-        if included:
-            return
-        found = self.trees['mechanism']
-        if len(found) != 1:
-            place = self.place(found[1]) if found else Place(source)
-            raise place.error(f'a grammar holds exactly one mechanism, found {len(found)}')
-        self.known = tuple(str(node.children[0]) for node in found[0].children[1:]
-                           if node is not None and node.data == 'parameter')
+    grammar, words, what = MECHANISM_GRAMMAR, MECHANISM_WORDS, 'a grammar'
+    start, others = 'mechanism', ('let', 'rule', 'material')
 
-    def place(self, node: Node) -> Place:
-        return Place.of(node, self.source)
-
-    def expression(self, node: Node, known: Sequence[str]) -> Expression:
-        return compile_expression(node, self.source, known=known)
+    def __init__(self, text: str, source: str, included: bool = False):
+        super().__init__(text, source, included)
+        self.known = tuple(self.parameters)
 
     def spec(self) -> MechanismSpec:
         node = self.trees['mechanism'][0]
         parameters: list[tuple[str, Expression]] = []
         for child in node.children[1:]:
             if child is not None and child.data == 'parameter':
-                name, before = str(child.children[0]), [known for known, _ in parameters]
-                if name in before:
-                    raise self.place(child).error(f'the parameter "{name}" is given twice')
-                parameters.append((name, self.expression(child.children[1], before)))
+                parameters.append(self.parameter(child, [name for name, _ in parameters]))
         definitions = self.definitions()
         body = [child for child in node.children[1:]
                 if child is not None and child.data != 'parameter']
@@ -174,21 +115,9 @@ class _MechanismReader:
             spec.rules.setdefault(rule.name, []).append(rule)
         for node in self.trees['material']:
             name, place = str(node.children[0]), self.place(node)
-            if name in spec.materials:
-                raise place.error(f'a material named "{name}" exists already')
-            spec.materials[name] = self.material(node.children[1:])
+            self.new(name, spec.materials, 'material', place)
+            spec.materials[name] = self.entries(node.children[1:])
             spec.places[f'material {name}'] = place
-
-    def material(self, nodes: Sequence[Node]) -> dict[str, Entry]:
-        table: dict[str, Entry] = {}
-        for node in nodes:
-            key, place = str(node.children[0]), self.place(node)
-            if key in table:
-                raise place.error(f'"{key}" stands there twice')
-            table[key] = Entry(tuple(
-                str(value.children[0]) if value.data == 'variable'
-                else self.expression(value, ()) for value in node.children[1:]), place)
-        return table
 
     def rule(self, node: Node) -> MechanismRule:
         name, formals, condition, *body, weight = node.children

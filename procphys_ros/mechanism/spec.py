@@ -18,8 +18,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from procphys_ros.language import Expression, Place
-from procphys_ros.wallgrammar.spec import Entry
+from procphys_ros.language import Entry, Expression, Place
 
 Statement: TypeAlias = 'Definition | Application | Repetition | PartStatement'
 

@@ -15,30 +15,16 @@
 """Parser: from the text of a wall grammar to its spec."""
 
 from collections.abc import Collection
-from functools import cache
 from pathlib import Path
-from typing import Any, TypeAlias
-
-from lark import Lark
-from lark.exceptions import UnexpectedInput
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import (
-    compile_expression,
-    Expression,
-    Place,
-    read_include,
-    shorten,
-    syntax_error,
-)
-from procphys_ros.language.parsers import make_parser
+from procphys_ros.language import Expression, GrammarReader, Node, Place
 from procphys_ros.wallgrammar import arches
 from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
 from procphys_ros.wallgrammar.spec import (
     Border,
     Building,
     Call,
-    Entry,
     Extrude,
     Grid,
     Insert,
@@ -52,17 +38,10 @@ from procphys_ros.wallgrammar.spec import (
     Successor,
 )
 
-Node: TypeAlias = Any  # a tree; lark types its children only as trees or tokens
-
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
 _DEEPEST = 32  # nesting of divisions
 _PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0, 'arch': 3}
-
-
-@cache
-def _lark() -> Lark:
-    return make_parser(__name__, WALL_GRAMMAR)
 
 
 def parse(text: str, source: str, folder: Path | None = None) -> Spec:
@@ -74,28 +53,9 @@ def parse(text: str, source: str, folder: Path | None = None) -> Spec:
     :param folder: searched first for included files; None = the shipped ones only.
     :raises GrammarError: where the text does not fit the language.
     """
-    reader = _SpecReader(source, _tree(text, source))
+    reader = _SpecReader(text, source)
     spec = reader.spec()
-    _include(spec, reader, folder, {Path(shorten(source)).resolve()})
-    return spec
-
-
-def _tree(text: str, source: str) -> Node:
-    try:
-        return _lark().parse(text)
-    except UnexpectedInput as problem:
-        raise syntax_error(problem, source, words=WALL_WORDS) from None
-
-
-def _include(spec: Spec, reader: '_SpecReader', folder: Path | None, seen: set[Path]) -> None:
-    """Merge materials, layouts and panels of included files; existing ones win."""
-    for node in reader.trees['include']:
-        found = read_include(str(node.children[0])[1:-1], folder, reader.place(node), seen)
-        if found is None:
-            continue
-        path, text = found
-        seen.add(path)
-        inner = _SpecReader(str(path), _tree(text, str(path)), included=True)
+    for inner in reader.included(folder):  # existing materials, layouts and panels win
         other = Spec(spec.building)
         inner.tables(other)
         for name, panel in other.panels.items():
@@ -104,38 +64,22 @@ def _include(spec: Spec, reader: '_SpecReader', folder: Path | None, seen: set[P
         spec.materials.update({**other.materials, **spec.materials})
         spec.layouts.update({**other.layouts, **spec.layouts})
         spec.places.update({**other.places, **spec.places})
-        _include(spec, inner, path.parent, seen)
+    return spec
 
 
-class _SpecReader:
+class _SpecReader(GrammarReader):
     """
     Turns the parse tree into a spec.
 
     :ivar known: names that expressions in rules may use beside the rule's own parameters.
     """
 
-    def __init__(self, source: str, tree: Node, included: bool = False):
-        self.source = source
-        self.trees: dict[str, list[Node]] = {kind: [] for kind in (
-            'include', 'building', 'wing', 'rule', 'panel', 'material', 'layout')}
-        for child in tree.children:
-            self.trees[child.data].append(child)
-        self.known: set[str] = set()
-        if included:
-            return
-        buildings = self.trees['building']
-        if len(buildings) != 1:
-            place = self.place(buildings[1]) if buildings else Place(source)
-            raise place.error(f'a wall grammar holds exactly one building, found {len(buildings)}')
-        self.parameters = [str(node.children[0]) for node in buildings[0].children[1:]
-                           if node is not None and node.data == 'parameter']
-        self.known = {*self.parameters, 'storey_height', 'storeys'}
+    grammar, words, what = WALL_GRAMMAR, WALL_WORDS, 'a wall grammar'
+    start, others = 'building', ('wing', 'rule', 'panel', 'material', 'layout')
 
-    def place(self, node: Node) -> Place:
-        return Place.of(node, self.source)
-
-    def expression(self, node: Node, known: Collection[str]) -> Expression:
-        return compile_expression(node, self.source, known=known)
+    def __init__(self, text: str, source: str, included: bool = False):
+        super().__init__(text, source, included)
+        self.known = set() if included else {*self.parameters, 'storey_height', 'storeys'}
 
     def spec(self) -> Spec:
         wings: dict[str, Building] = {}
@@ -163,10 +107,6 @@ class _SpecReader:
                 table[name] = self.entries(node.children[1:])
                 spec.places[f'{kind} {name}'] = place
 
-    def new(self, name: str, table: dict, kind: str, place: Place) -> None:
-        if name in table:
-            raise place.error(f'a {kind} named "{name}" exists already')
-
     def properties(self, node: Node) -> tuple[list[tuple[str, Expression]], dict[str, Node]]:
         """Read parameters with their defaults, and the entries by key."""
         parameters: list[tuple[str, Expression]] = []
@@ -176,10 +116,7 @@ class _SpecReader:
                 continue
             key, place = str(child.children[0]), self.place(child)
             if child.data == 'parameter':
-                known = [name for name, _ in parameters]
-                if key in known:
-                    raise place.error(f'the parameter "{key}" is given twice')
-                parameters.append((key, self.expression(child.children[1], known)))
+                parameters.append(self.parameter(child, [name for name, _ in parameters]))
                 continue
             if key not in _PROPERTIES:
                 raise place.error(f'unknown property "{key}"{nearest_names(key, _PROPERTIES)} '
@@ -231,16 +168,6 @@ class _SpecReader:
         arguments = tuple(self.expression(c, self.known) for c in node.children[1:]
                           if c is not None)
         return Call(str(node.children[0]), arguments, self.place(node))
-
-    def entries(self, nodes: list[Node]) -> dict[str, Entry]:
-        table: dict[str, Entry] = {}
-        for node in nodes:
-            key, place = str(node.children[0]), self.place(node)
-            self.new(key, table, 'key', place)
-            values = tuple(str(v.children[0]) if v.data == 'variable'
-                           else self.expression(v, ()) for v in node.children[1:])
-            table[key] = Entry(values, place)
-        return table
 
     def panel(self, node: Node) -> Panel:
         name, value = node.children

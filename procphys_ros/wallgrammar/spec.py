@@ -17,7 +17,7 @@
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
-from procphys_ros.language import Expression, Place
+from procphys_ros.language import Entry, Expression, Place
 
 KINDS_OF_PANELS = ('boards(material), glazing(frame, glass), beam(material), none, '
                    'arch(shape, rings)')  # beside layouts, for messages
@@ -132,14 +132,6 @@ class Panel:
     place: Place
     shape: str = ''
     numbers: tuple[Expression, ...] = ()
-
-
-@dataclass(frozen=True)
-class Entry:
-    """`key: values` of a material or layout; each value is an expression or a bare name."""
-
-    values: 'tuple[Expression | str, ...]'
-    place: Place
 
 
 @dataclass(frozen=True)

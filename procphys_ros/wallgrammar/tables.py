@@ -21,11 +21,11 @@ import numpy as np
 
 from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.errors import nearest_names
-from procphys_ros.language import Expression, Place
+from procphys_ros.language import Entry, Expression, Place
 from procphys_ros.wallgrammar.bonds import BONDS, Layout
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.materials import DEFAULTS, Material, NUMBERS
-from procphys_ros.wallgrammar.spec import Entry, KINDS_OF_PANELS, Panel, Spec
+from procphys_ros.wallgrammar.spec import KINDS_OF_PANELS, Panel, Spec
 
 _LAYOUT_KEYS = ('bond', 'unit', 'joint', 'offset', 'pieces', 'material')
 _REQUIRED = ('density', 'tension', 'cohesion', 'compression')
