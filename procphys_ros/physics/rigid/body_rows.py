@@ -18,7 +18,8 @@
 import math
 
 from procphys_ros.compilation import subroutine
-from procphys_ros.physics.rigid.vectors import INLINE, three
+from procphys_ros.geometry.rotation_kernels import matrix_rows
+from procphys_ros.physics.rigid.vectors import cross, dot, INLINE, less, plus, put, three
 
 # A row per body, for locality of memory access: linear and angular velocity, 1 / mass along
 # three axes, inverse inertia in the world (xx, xy, xz, yy, yz, zz), velocities before the contacts
@@ -55,3 +56,32 @@ def rotated(q, spin, duration):
     d = q[3] - x * q[0] - y * q[1] - z * q[2]
     size = 1.0 / math.sqrt(a * a + b * b + c * c + d * d)
     return a * size, b * size, c * size, d * size
+
+
+@subroutine(**INLINE)
+def inverse_inertia(inertia, pose, i):
+    """Compute the inverse inertia of a body in world axes: (xx, xy, xz) and (yy, yz, zz)."""
+    x, y, z = matrix_rows(pose[i, 3:])
+    a, b, c = 1.0 / inertia[i, 0], 1.0 / inertia[i, 1], 1.0 / inertia[i, 2]
+    u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
+        a * z[0], b * z[1], c * z[2])
+    return (dot(u, x), dot(u, y), dot(u, z)), (dot(v, y), dot(v, z), dot(w, z))
+
+
+@subroutine(**INLINE)
+def slip_of(state, i, j, arm, other, column):
+    """Return the velocity of the first body's point relative to the second's."""
+    one = plus(three(state, i, column), 1.0, cross(three(state, i, column + 3), arm))
+    two = plus(three(state, j, column), 1.0, cross(three(state, j, column + 3), other))
+    return less(one, two)
+
+
+@subroutine(**INLINE)
+def push(state, i, j, arm, other, impulse):
+    """Apply an impulse to the first body, and its opposite to the second."""
+    put(state, i, SPEED, plus(three(state, i, SPEED), 1.0, lightened(state, i, impulse)))
+    put(state, i, SPIN, plus(three(state, i, SPIN), 1.0, eased(state, i, cross(arm, impulse))))
+    if state[j, LIGHT] > 0.0:
+        put(state, j, SPEED, plus(three(state, j, SPEED), -1.0, lightened(state, j, impulse)))
+        put(state, j, SPIN,
+            plus(three(state, j, SPIN), -1.0, eased(state, j, cross(other, impulse))))

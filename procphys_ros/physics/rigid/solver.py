@@ -38,10 +38,13 @@ from procphys_ros.physics.rigid.body_rows import (
     EASE,
     eased,
     FREE,
+    inverse_inertia,
     LIGHT,
     lightened,
     OWN,
+    push,
     rotated,
+    slip_of,
     SPEED,
     SPIN,
     TURNED,
@@ -180,7 +183,7 @@ def follow(bodies, free, time_step):
 @kernel
 def efforts(contacts, time_step):
     """
-    Estimate the largest number of contact solves of islands in a step, (I,).
+    Estimate the number of contact solves of islands in a step, unless they are calm, (I,).
 
     :param contacts: number of contacts of each island, (I,).
     :param time_step: [s].
@@ -265,14 +268,11 @@ def _follow(i, bodies, time_step):
 @subroutine(**LEAN)
 def _ease(i, bodies, state):
     """Write the inverse inertia of a body in world axes."""
-    x, y, z = matrix_rows(bodies.pose[i, 3:])
-    a, b, c = 1.0 / bodies.inertia[i, 0], 1.0 / bodies.inertia[i, 1], 1.0 / bodies.inertia[i, 2]
-    u, v, w = (a * x[0], b * x[1], c * x[2]), (a * y[0], b * y[1], c * y[2]), (
-        a * z[0], b * z[1], c * z[2])
+    first, second = inverse_inertia(bodies.inertia, bodies.pose, i)
     own = state[i, OWN]
     half = math.sqrt(own)
-    put(state, i, EASE, (own * dot(u, x), own * dot(u, y), half * dot(u, z)))
-    put(state, i, EASE + 3, (own * dot(v, y), half * dot(v, z), dot(w, z)))
+    put(state, i, EASE, (own * first[0], own * first[1], half * first[2]))
+    put(state, i, EASE + 3, (own * second[0], half * second[1], second[2]))
 
 
 @subroutine
@@ -522,25 +522,6 @@ def _turned_on(place, state, i, duration):
 
 
 @subroutine(**INLINE)
-def _slip(state, i, j, arm, other, column):
-    """Return the velocity of the first body's point relative to the second's."""
-    one = plus(three(state, i, column), 1.0, cross(three(state, i, column + 3), arm))
-    two = plus(three(state, j, column), 1.0, cross(three(state, j, column + 3), other))
-    return less(one, two)
-
-
-@subroutine(**INLINE)
-def _push(state, i, j, arm, other, impulse):
-    """Apply an impulse to the first body, and its opposite to the second."""
-    put(state, i, SPEED, plus(three(state, i, SPEED), 1.0, lightened(state, i, impulse)))
-    put(state, i, SPIN, plus(three(state, i, SPIN), 1.0, eased(state, i, cross(arm, impulse))))
-    if state[j, LIGHT] > 0.0:
-        put(state, j, SPEED, plus(three(state, j, SPEED), -1.0, lightened(state, j, impulse)))
-        put(state, j, SPIN,
-            plus(three(state, j, SPIN), -1.0, eased(state, j, cross(other, impulse))))
-
-
-@subroutine(**INLINE)
 def _along(rows, r, pushed):
     """Convert an impulse along normal and tangents to world axes."""
     n, t = three(rows, r, _NORMAL), three(rows, r, _TANGENT)
@@ -551,8 +532,8 @@ def _along(rows, r, pushed):
 def _note_approach(contacts, ends, state, rows, elastic):
     """Record the approach speeds of contacts before their impulses."""
     for r in contacts:
-        slip = _slip(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
-                     FREE)
+        slip = slip_of(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
+                       FREE)
         elastic[r, 1] = dot(slip, three(rows, r, _NORMAL))
 
 
@@ -578,8 +559,8 @@ def _begin(contacts, ends, state, rows, fall):
             continue
         if rows[r, _LEVER] > 0.0:
             _turn_by(ends[r, 0], ends[r, 1], rolled, state)
-        _push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
-              _along(rows, r, pushed))
+        push(state, ends[r, 0], ends[r, 1], three(rows, r, _ARM), three(rows, r, _OTHER),
+             _along(rows, r, pushed))
 
 
 @subroutine(**INLINE)
@@ -662,7 +643,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
         if rows[r, _THROWN] > 0.0:
             bias = -rows[r, _THROWN]
         arm, other = three(rows, r, _ARM), three(rows, r, _OTHER)
-        slip = _slip(state, i, j, arm, other, SPEED)
+        slip = slip_of(state, i, j, arm, other, SPEED)
         lacks = dot(slip, three(rows, r, _NORMAL)) + bias
         pressed = max(before - rows[r, _MASS] * lacks - gives, 0.0)
         if pressed == 0.0 and before == 0.0:
@@ -670,7 +651,7 @@ def _pass(contacts, ends, state, rows, pace, moved):
             continue
         u, v = _rub(rows, r, slip, pressed, pressed - before, rate)
         change = (pressed - before, u, v)
-        _push(state, i, j, arm, other, _along(rows, r, change))
+        push(state, i, j, arm, other, _along(rows, r, change))
         for k in range(3):
             rows[r, _PUSHED + k] += change[k]
             changed = changed or abs(change[k]) > _CALM * rows[r, _MASS + k]

@@ -26,9 +26,18 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
-from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.kinetic import kinetic_energy
-from procphys_ros.physics.rigid.body_rows import BODY, EASE, eased, LIGHT, lightened, SPEED, SPIN
+from procphys_ros.physics.rigid.body_rows import (
+    BODY,
+    EASE,
+    eased,
+    inverse_inertia,
+    LIGHT,
+    lightened,
+    push,
+    slip_of,
+    SPEED,
+)
 from procphys_ros.physics.rigid.islands import Islands
 from procphys_ros.physics.rigid.vectors import (
     at,
@@ -129,12 +138,9 @@ def _states(mass, inertia, pose, velocity):
         if light == 0.0:
             continue
         put(out, i, LIGHT, (light, light, light))
-        x, y, z = matrix_rows(pose[i, 3:])
-        a, b, c = at(inertia, i)
-        u, v, w = (x[0] / a, x[1] / b, x[2] / c), (y[0] / a, y[1] / b, y[2] / c), (
-            z[0] / a, z[1] / b, z[2] / c)
-        put(out, i, EASE, (dot(u, x), dot(u, y), dot(u, z)))
-        put(out, i, EASE + 3, (dot(v, y), dot(v, z), dot(w, z)))
+        first, second = inverse_inertia(inertia, pose, i)
+        put(out, i, EASE, first)
+        put(out, i, EASE + 3, second)
     return out
 
 
@@ -173,12 +179,13 @@ def _solved(first, second, point, normal, impulse, kept, poses, state):
 @subroutine(**LEAN)
 def _solve(c, i, j, n, impulse, arms, ease, state, out):
     """Solve one contact; return the change of speed [m/s]."""
+    arm, other = three(arms, c, 0), three(arms, c, 3)
     before, most = out[c, 3], impulse[c, 3]
-    change = -dot(n, _slip(c, i, j, arms, state)) / ease
+    change = -dot(n, slip_of(state, i, j, arm, other, SPEED)) / ease
     change = min(max(before + change, 0.0), most) - before
     out[c, 3] += change
     _press(c, i, j, arms, scaled(change, n), state, out)
-    slip = _slip(c, i, j, arms, state)
+    slip = slip_of(state, i, j, arm, other, SPEED)
     slip = plus(slip, -dot(n, slip), n)
     speed, rubs = length(slip), plus(at(out, c), -out[c, 3], n)
     wanted = rubs
@@ -203,22 +210,10 @@ def _ease(c, i, j, arms, d, state):
 
 
 @subroutine(**LEAN)
-def _slip(c, i, j, arms, state):
-    """Return the velocity of the first body's point relative to the second's."""
-    one = plus(three(state, i, SPEED), 1.0, cross(three(state, i, SPIN), three(arms, c, 0)))
-    two = plus(three(state, j, SPEED), 1.0, cross(three(state, j, SPIN), three(arms, c, 3)))
-    return less(one, two)
-
-
-@subroutine(**LEAN)
-def _press(c, i, j, arms, push, state, out):
+def _press(c, i, j, arms, impulse, state, out):
     """Add to the impulse of a contact, on both bodies."""
-    put(out, c, 0, plus(at(out, c), 1.0, push))
-    for side in range(2):
-        b, arm = i if side == 0 else j, three(arms, c, 3 * side)
-        own = push if side == 0 else scaled(-1.0, push)
-        put(state, b, SPEED, plus(three(state, b, SPEED), 1.0, lightened(state, b, own)))
-        put(state, b, SPIN, plus(three(state, b, SPIN), 1.0, eased(state, b, cross(arm, own))))
+    put(out, c, 0, plus(at(out, c), 1.0, impulse))
+    push(state, i, j, three(arms, c, 0), three(arms, c, 3), impulse)
 
 
 @kernel
