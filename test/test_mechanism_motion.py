@@ -446,3 +446,14 @@ def test_a_mechanism_cannot_join_a_world_without_joints():
         simulation.add(made, name='gate')
     simulation.step()
     assert not len(simulation.poses)
+
+
+@pytest.mark.parametrize('stiffness, rest', [(1e4, 720.0), (1e6, 360.0)])
+def test_a_spring_that_turns_fast_leaves_what_hangs_on_it_finite(stiffness, rest):
+    """Let go an arm of grams at a spring that turns it by more than a turn in a substep."""
+    simulation = simulate(f"""
+        box arm {{ size: 0.2, 0.01, 0.01  at: 0.1, 0, 2  mass: 0.008
+            hinge {{ at: 0, 0, 2  axis: 0, 0, 1  spring: {stiffness}, {rest} }} }}""")
+    for _ in range(240):
+        simulation.step()
+        assert np.isfinite(simulation.poses).all() and np.abs(simulation.poses).max() < 100.0

@@ -526,9 +526,12 @@ def _foresee(t, first, second, system, h, state):
 
 @subroutine(**LEAN)
 def _turn(turn, arm):
-    """Compute the displacement of a point by a rotation, to second order."""
+    """Compute the displacement of a point by a rotation, to second order, keeping its distance."""
     way = cross(turn, arm)
-    return plus(way, 0.5, cross(turn, way))
+    way = plus(way, 0.5, cross(turn, way))
+    there = plus(arm, 1.0, way)
+    far = length(there)
+    return less(scaled(length(arm) / far, there), arm) if far > 0.0 else way
 
 
 @subroutine(**LEAN)
