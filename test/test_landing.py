@@ -201,7 +201,7 @@ def test_contacts_have_the_energy_of_the_change_of_motion_on_edges(engine):
             if not len(awake):
                 break
             change = change_by_contacts(state.world, state.rubble.poses, state.rubble.velocities,
-                                        simulation.model.gravity * simulation.time_step)
+                                        simulation.time_step)
             told += measure(state.world.contacts(), change, state.rubble.poses,
                             np.where(bodies.state == BodyState.AWAKE, bodies.mass, 0.0),
                             simulation.model.gravity * simulation.time_step,

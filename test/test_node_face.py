@@ -52,6 +52,7 @@ PUBLISHED = {
     '/sim/leaf_poses': 'geometry_msgs/msg/PoseArray',
     '/sim/lidar': 'sensor_msgs/msg/PointCloud2',
     '/sim/wind_info': 'geometry_msgs/msg/Vector3Stamped',
+    '/sim/ground_motion': 'geometry_msgs/msg/AccelStamped',
     '/sim/intruder_wrench': 'geometry_msgs/msg/WrenchStamped',
     '/sim/joint_states': 'sensor_msgs/msg/JointState',
     '/clock': 'rosgraph_msgs/msg/Clock',
@@ -71,9 +72,9 @@ SERVICES = {
     **dict.fromkeys(('/sim/set_wind_enabled', '/sim/set_pause'), 'std_srvs/srv/SetBool'),
     **dict.fromkeys(
         (f'/sim/{name}' for name in (
-            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
-            'clear_wrenches', 'step_simulation', 'reset_simulation', 'reload_scene',
-            'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
+            'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
+            'earthquake', 'grow', 'clear_wrenches', 'step_simulation', 'reset_simulation',
+            'reload_scene', 'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.

@@ -49,8 +49,8 @@ GRAMMARS = ('', 'axiom:', 'axiom: F(', 'axiom: F(1e300)', 'axiom: !(0) F(1)', SA
             'axiom: ' + 'F(1) [' * 200, 'axiom: A\nA -> A A', '#' * 9000, SAPLING.upper())
 TOPICS = {'wind': Vector3Stamped, 'impulse': WrenchStamped, 'wrench': WrenchStamped,
           'explosion': PointStamped, 'observer': PoseStamped, 'intruder': PoseStamped}
-TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
-            'clear_wrenches', 'step_simulation', 'cancel_reload')
+TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
+            'earthquake', 'grow', 'clear_wrenches', 'step_simulation', 'cancel_reload')
 # Left as they are: how often it publishes, how long it waits, what a step costs.
 KEPT = ('service_deadline', 'publish_rate', 'marker_rate', 'real_time_factor', 'time_step',
         'dust.capacity', 'scene.objects', 'post.count', 'sapling.count', 'sapling.variants')

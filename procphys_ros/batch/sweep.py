@@ -44,7 +44,7 @@ from procphys_ros.scene.yaml_file import BoundedLoader, read_yaml
 from procphys_ros.schema import Parameter
 
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall|csv|mtg|ply)\b')  # name of a file
-_DATA_FILES = ('terrain.file', 'wind.file')
+_DATA_FILES = ('terrain.file', 'wind.file', 'ground.motion')
 _MOST = 1_000_000  # runs
 _LONGEST = 1e6  # [s] of a run, also the latest time of a cue
 # Parameters without effect on a run: of topics, messages, services and pictures.
@@ -186,8 +186,10 @@ class Sweep:
         """Yield the digests of the other files of the scene, varied ones included."""
         for key in _DATA_FILES:
             group, _, name = key.partition('.')
-            names = {self.parameters.get(group, {}).get(name, '')}
-            names.update(*(v.values for v in self.variations if v.name == key))
+            given = [self.parameters.get(group, {}).get(name, ''),
+                     *(value for v in self.variations if v.name == key for value in v.values)]
+            names = {named for value in given
+                     for named in ([value] if isinstance(value, str) else value or ())}
             for named in sorted(names - {''}):
                 path = find_data_file(key, named, self.scene.absolute().parent)
                 yield hashlib.sha256(path.read_bytes()).hexdigest()

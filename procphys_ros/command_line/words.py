@@ -159,6 +159,15 @@ def _add_loads(group) -> None:
     _vector(saw, '--normal', 'of that plane; none = all that holds the part', (0.0, 0.0, 0.0))
     saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
                      help='of the blade from that point [m]')
+    quake = group.add_parser('earthquake', help='shake the ground', epilog=(
+        'What is not given is as in the last one.\n'
+        'example: command earthquake --peak 4 --duration 20'))
+    quake.add_argument('--peak', type=positive, metavar='M/S2',
+                       help='greatest acceleration, without ground.motion')
+    quake.add_argument('--duration', type=positive, metavar='S', help='likewise')
+    quake.add_argument('--scale', type=number, metavar='F', help='of ground.motion')
+    quake.add_argument('--start', type=number, metavar='S', help='of it, that is left out')
+    _vector(quake, '--direction', 'of the strongest shaking; level')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
 
 

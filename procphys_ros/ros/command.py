@@ -236,6 +236,8 @@ _VERBS: dict[str, Callable] = {
     'gust': _with_parameters('gust', 'gust', 'amplitude', 'duration', 'direction'),
     'launch': _with_parameters('launch_projectile', 'projectile', 'shape', 'size', 'mass',
                                'position', 'velocity'),
+    'earthquake': _with_parameters('earthquake', 'earthquake', 'peak', 'duration', 'scale',
+                                   'start', 'direction'),
     'grow': _with_parameters('grow', 'grow', 'target', 'rate', 'years'), 'cut': _cut,
     'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
     'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),

@@ -84,6 +84,7 @@ class SimNode(Node):
         ~/dust (sensor_msgs/PointCloud2, depth 1): dust of bursting mortar and impacts
         ~/lidar (sensor_msgs/PointCloud2, depth 5): ranges of the sensor of `lidar.*`, as an image
         ~/wind_info (geometry_msgs/Vector3Stamped, depth 5): total wind at reference height
+        ~/ground_motion (geometry_msgs/AccelStamped, depth 5): acceleration of the ground
         ~/joint_states (sensor_msgs/JointState, depth 5): hinges, sliders and ropes of mechanisms
         ~/intruder_wrench (geometry_msgs/WrenchStamped, depth 5): on the intruder, smoothed over
             0.1 s
@@ -109,9 +110,10 @@ class SimNode(Node):
 
     Services:
         ~/set_wind_enabled, ~/set_pause (std_srvs/SetBool)
-        ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/cut, ~/grow,
-        ~/clear_wrenches, ~/step_simulation, ~/reset_simulation, ~/reload_scene, ~/cancel_reload,
-        ~/save_state, ~/inspect, ~/restore_state, ~/spawn, ~/remove (std_srvs/Trigger)
+        ~/gust, ~/apply_impulse, ~/launch_projectile, ~/explode, ~/demolish, ~/cut,
+        ~/earthquake, ~/grow, ~/clear_wrenches, ~/step_simulation, ~/reset_simulation,
+        ~/reload_scene, ~/cancel_reload, ~/save_state, ~/inspect, ~/restore_state, ~/spawn,
+        ~/remove (std_srvs/Trigger)
         ~/simulation_interfaces/…, if that package is installed: see `simulation_interfaces.py`
 
     Parameters (default; unit; range; when a change takes effect):

@@ -41,6 +41,7 @@ from procphys_ros.view.commands import (
     Reset,
     SetPause,
     SetSpeed,
+    StartEarthquake,
     StartGust,
     Step,
 )
@@ -51,7 +52,8 @@ _TIMEOUT = 3.0   # [s] to look for the node
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
 _LOOK = 1.0      # [s] between reads of the node's wind
 # Parameters that a scene has besides those of a reload: its wind, and the groups of cues.
-_OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.', 'cut.')
+_OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.', 'cut.',
+              'earthquake.')
 
 
 class PageCommands:
@@ -224,6 +226,11 @@ def _gust(remote: Remote, gust: StartGust) -> str:
     return remote.trigger('gust')
 
 
+def _shake(remote: Remote, earthquake: StartEarthquake) -> str:
+    remote.change({'earthquake.peak': earthquake.peak})
+    return remote.trigger('earthquake')
+
+
 def _load(remote: Remote, scene: LoadScene) -> str:
     """Set the parameters of a scene file on the node; reset missing ones to their defaults."""
     given = dict(flat(read_yaml(scene.path)))
@@ -248,6 +255,7 @@ _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
     SetSpeed: lambda remote, c: remote.change({'real_time_factor': c.factor}),
     SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
     Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
-    Inspect: _inspect, StartGust: _gust, Projectile: _launch, Explosion: _explode, Cut: _cut,
+    Inspect: _inspect, StartGust: _gust, StartEarthquake: _shake, Projectile: _launch,
+    Explosion: _explode, Cut: _cut,
     LoadScene: _load,
 }

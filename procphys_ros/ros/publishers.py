@@ -18,7 +18,7 @@
 from collections.abc import Callable
 from contextlib import suppress
 
-from geometry_msgs.msg import PoseArray, Vector3, Vector3Stamped, WrenchStamped
+from geometry_msgs.msg import AccelStamped, PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
@@ -68,6 +68,7 @@ class Publishers:
         self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
         self._ground = qos.publisher(node, MarkerArray, '~/ground', qos.latched())
         self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
+        self._ground_motion = qos.publisher(node, AccelStamped, '~/ground_motion', qos.arrays())
         self._joint_states = qos.publisher(node, JointState, '~/joint_states', qos.arrays())
         self._wrenches = {INTRUDER: qos.publisher(node, WrenchStamped, '~/intruder_wrench',
                                                   qos.arrays())}
@@ -183,6 +184,8 @@ class Publishers:
             self._clock.publish(clock)
         if self._wind_info.get_subscription_count():
             self._publish_wind(simulation, at)
+        if self._ground_motion.get_subscription_count():
+            self._publish_ground_motion(simulation, at)
         if len(simulation.state.mechanisms.joint) and self._joint_states.get_subscription_count():
             self._publish_joints(simulation, at)
         if has_moved:
@@ -286,6 +289,14 @@ class Publishers:
         x, y, z = np.sum(simulation.wind.at_reference(simulation.time), axis=0).tolist()
         message.vector = Vector3(x=x, y=y, z=z)
         self._wind_info.publish(message)
+
+    def _publish_ground_motion(self, simulation: Simulation, at: messages.Stamp) -> None:
+        message = AccelStamped()
+        message.header.stamp.sec, message.header.stamp.nanosec = at
+        message.header.frame_id = self._frame
+        x, y, z = simulation.ground_acceleration.tolist()
+        message.accel.linear = Vector3(x=x, y=y, z=z)
+        self._ground_motion.publish(message)
 
     def _publish_joints(self, simulation: Simulation, at: messages.Stamp) -> None:
         message, joints = JointState(), simulation.joints

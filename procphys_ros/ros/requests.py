@@ -25,6 +25,7 @@ from procphys_ros.ros.conversions import Act, part_name, Triple
 from procphys_ros.ros.file_access import state_path
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.settings import read_settings
@@ -95,6 +96,11 @@ class Requests:
         part_name(self._parameters['cut.target'], 'the parameter cut.target')
         cut = self._group('cut', Cut)
         return lambda: self._session.cut(cut)
+
+    def earthquake(self) -> Act:
+        """Begin the earthquake of the `earthquake.*` parameters."""
+        wish = self._group('earthquake', Earthquake)
+        return lambda: self._session.shake(wish)
 
     def grow(self) -> Act:
         """Let the plants of the `grow.*` parameters grow on."""

@@ -55,6 +55,8 @@ class Actions(Protocol):
 
     def cut(self) -> Act: ...
 
+    def earthquake(self) -> Act: ...
+
     def grow(self) -> Act: ...
 
     def clear_wrenches(self) -> Act: ...
@@ -82,9 +84,9 @@ class Scenes(Protocol):
     def spawn(self, answer: Answer) -> None: ...
 
 
-_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut', 'grow',
-             'clear_wrenches', 'step_simulation', 'reset_simulation', 'save_state',
-             'restore_state', 'remove', 'inspect')
+_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
+             'earthquake', 'grow', 'clear_wrenches', 'step_simulation', 'reset_simulation',
+             'save_state', 'restore_state', 'remove', 'inspect')
 _SWITCHES = ('set_wind_enabled', 'set_pause')
 
 

@@ -19,12 +19,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SnapshotError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
@@ -120,6 +123,13 @@ class Session:
         return (f'{gust.kind} gust of {gust.amplitude:g} m/s for {gust.duration:g} s'
                 + ('' if self.simulation.wind.enabled
                    else '; the wind is off, and the gust is not felt until it is on'))
+
+    def shake(self, earthquake: Earthquake) -> str:
+        """Begin an earthquake, and describe it."""
+        self.simulation.shake(earthquake)
+        motion = self.simulation.ground_motion
+        return (f'earthquake of {motion.duration:.1f} s, up to '
+                f'{np.abs(motion.acceleration).max():.3g} m/s²')
 
     def strike(self, part: str, linear: Sequence[float], angular: Sequence[float]) -> str:
         """Apply an impulse [N·s], [N·m·s] to a part, and describe the effect."""

@@ -22,6 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 from procphys_ros.physics.wind import Gust, MeanWind
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
@@ -55,7 +56,7 @@ _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
     'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
     'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
     'demolish': ('demolition', Demolition), 'cut': ('cut', Cut),
-    'grow': ('grow', Grow), 'joint': ('', DriveJoint)}
+    'earthquake': ('earthquake', Earthquake), 'grow': ('grow', Grow), 'joint': ('', DriveJoint)}
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class Cue:
     :ivar time: simulated [s].
     :ivar text: as written in the scene.
     :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition`, `Cut`,
-        `Grow` or `DriveJoint`.
+        `Earthquake`, `Grow` or `DriveJoint`.
     """
 
     time: float

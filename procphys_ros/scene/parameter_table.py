@@ -24,6 +24,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import Gust, WindSettings
 from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.earthquake import Earthquake, GroundSettings
 from procphys_ros.scene.intruder import Downwash, IntruderSettings
 from procphys_ros.scene.intruders import IntrudersSettings
 from procphys_ros.scene.lidar import LidarSettings
@@ -45,9 +46,9 @@ _SCENE = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
               takes_effect='reload'),
     Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
-              'verbs gust, wind, impulse, launch, explode, demolish, cut, grow; names as in '
-              'gust.*, impulse.*, projectile.*, explosion.*, demolition.*, cut.*, grow.*, which '
-              'hold for all that is not said',
+              'verbs gust, wind, impulse, launch, explode, demolish, cut, earthquake, grow, '
+              'joint; names as in gust.*, impulse.*, projectile.*, explosion.*, demolition.*, '
+              'cut.*, earthquake.*, grow.*, which hold for all that is not said',
               takes_effect='reload'),
 )
 NODE = (
@@ -94,6 +95,8 @@ GLOBAL = (
     *parameters(Explosion, 'explosion', takes_effect='use'),
     *parameters(Demolition, 'demolition', takes_effect='use'),
     *parameters(Cut, 'cut', takes_effect='use'),
+    *parameters(GroundSettings, 'ground'),
+    *parameters(Earthquake, 'earthquake', takes_effect='use'),
     *parameters(Grow, 'grow', takes_effect='use'),
     *parameters(Spawn, 'spawn', takes_effect='use'),
     Parameter('inspect.part', '', 'name or index of the part that ~/inspect describes',

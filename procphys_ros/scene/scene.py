@@ -36,6 +36,7 @@ from procphys_ros.lsystem.growth import build_drawn
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity
+from procphys_ros.scene.ground_record import read_ground_record
 from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
@@ -179,6 +180,7 @@ class Scene:
             _LOG.warning('scene.objects is empty: nothing stands in the scene')
         settings = read_settings(parameters)
         scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
+                            ground_record=read_ground_record(settings.motion.motion, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))
         scene.shard = read_shard(parameters)
         scene._add_objects(specs, beside)

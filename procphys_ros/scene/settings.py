@@ -20,12 +20,14 @@ from typing import Any, TypeVar
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.physics.ground_motion import GroundRecord
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Gust, Record, WindSettings
 from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES, Pieces
 from procphys_ros.physics.world.pieces import single
 from procphys_ros.scene.cues import Cue, read_cues
 from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.earthquake import Earthquake, GroundSettings
 from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
@@ -62,6 +64,9 @@ class Settings:
     :ivar camera, sun, sky: of pictures and films.
     :ivar ground: settings of the ground.
     :ivar terrain: its surface, made from `ground`.
+    :ivar motion: how it can move.
+    :ivar ground_record: content of `motion`; () = earthquakes are synthetic.
+    :ivar earthquake: default values of earthquakes.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -91,6 +96,9 @@ class Settings:
     sky: SkySettings = field(default_factory=SkySettings)
     ground: TerrainSettings = field(default_factory=TerrainSettings)
     terrain: Terrain = field(default=FLAT, compare=False)
+    motion: GroundSettings = field(default_factory=GroundSettings)
+    ground_record: GroundRecord = ()
+    earthquake: Earthquake = field(default_factory=Earthquake)
 
     def __post_init__(self) -> None:
         check(self)
@@ -124,7 +132,9 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     camera=_group(parameters, 'camera', CameraSettings),
                     sun=_group(parameters, 'sun', SunSettings),
                     sky=_group(parameters, 'sky', SkySettings),
-                    ground=_group(parameters, 'terrain', TerrainSettings))
+                    ground=_group(parameters, 'terrain', TerrainSettings),
+                    motion=_group(parameters, 'ground', GroundSettings),
+                    earthquake=_group(parameters, 'earthquake', Earthquake))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

@@ -35,11 +35,10 @@ from procphys_ros.simulation import (
     breaking,
     fragments,
     load_checks,
-    masonry,
     mechanisms,
 )
 from procphys_ros.simulation.contact_pairs import TreeBounds
-from procphys_ros.simulation.model import compile_model, Model
+from procphys_ros.simulation.model import compile_model, Model, SETTLING
 from procphys_ros.simulation.obstacles import find_shelter
 from procphys_ros.simulation.parts import columns_of, Owner, owners
 from procphys_ros.simulation.state import ClimberState, State
@@ -194,7 +193,7 @@ def _settled(blueprint: Blueprint, graph: BondGraph, gravity: float,
     solver = StressSolver(graph, (0.0, 0.0, -gravity))
     if not len(solver.graph):
         return solver, []
-    rounds = Fracture(solver).advance(masonry.SETTLING)
+    rounds = Fracture(solver).advance(SETTLING)
     loose = np.flatnonzero(~solver.supported)
     return solver, load_checks.describe_failures(
         blueprint, [SceneObject(name, 0, len(blueprint))], rounds, solver.graph.rows, loose)

@@ -49,19 +49,19 @@ class Blows(NamedTuple):
 
 
 def change_by_contacts(world: World, poses: np.ndarray, velocities: np.ndarray,
-                       fall: float) -> np.ndarray:
+                       duration: float) -> np.ndarray:
     """
     Compute the change of velocity by contacts, by id, 0 for immovable bodies, (B, 6).
 
     :param poses, velocities: of all bodies at the start, (B, 7) and (B, 6).
-    :param fall: speed gained by gravity since [m/s].
+    :param duration: since then, in which gravity acted [s].
     """
     bodies, awake = world.bodies, world.awake
     out = np.zeros((len(bodies.state), 6))
     free = velocities[awake]
     free[:, 3:] = free_spins(bodies.inertia[awake], poses[awake, 3:], bodies.poses[awake, 3:],
                              np.ascontiguousarray(free[:, 3:]))
-    free[:, 2] -= fall
+    free[:, :3] += world.gravity * duration
     out[awake] = bodies.velocities[awake] - free
     return out
 

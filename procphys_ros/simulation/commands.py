@@ -29,6 +29,7 @@ from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.physics.world import BodyState
 from procphys_ros.scene.cues import Blow
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.joint_drive import DriveJoint
@@ -39,6 +40,7 @@ from procphys_ros.simulation import (
     blasts,
     charges,
     cutting,
+    earthquake,
     fragments,
     growth,
     intruder,
@@ -261,7 +263,7 @@ def apply(model: Model, state: State, command: Any) -> Any:
     Execute a command; writes the state that it concerns.
 
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`,
-        `Demolition`, `Cut`, `Grow` or `DriveJoint`.
+        `Demolition`, `Cut`, `Earthquake`, `Grow` or `DriveJoint`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
         `Projectile`: its part; a `Demolition`: the number of charges; a `Cut`: the number of
         joints; `ClearWrenches`: the number of wrenches; `Grow`: the number of plants; all
@@ -388,7 +390,7 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Impulse: _impulse, Blow: _blow, Wrench: _wrench, ClearWrenches: _clear_wrenches,
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
     Cut: cutting.cut, SetBodyState: _set_body_state, PlaceIntruder: _place_intruder,
-    SetThrust: _set_thrust, Observe: _observe, Grow: growth.command,
+    SetThrust: _set_thrust, Observe: _observe, Grow: growth.command, Earthquake: earthquake.begin,
     DriveJoint: mechanisms.command,
 }
 

@@ -415,7 +415,7 @@ def _partners(model: Model, state: State, pairs: Pairs, end: np.ndarray, other: 
     axes = rotation.to_matrix(bodies.poses[ids, 3:])
     spin = np.where(loose[:, None], 1.0 / bodies.inertia[ids], 0.0)
     motion = bodies.velocities[ids].copy()
-    motion[loose, :3] += np.array([0.0, 0.0, -model.gravity]) * dt
+    motion[loose, :3] += state.world.gravity * dt
     body = np.where(pairs.part < 0, index[pairs.body], -1)
     arm = pairs.point - bodies.poses[np.maximum(pairs.body, 0), :3]
     return Partners(end, other, body, arm, np.where(loose, 1.0 / bodies.mass[ids], 0.0),

@@ -166,8 +166,7 @@ def step(model: Model, state: State, dt: float) -> None:
     if rubble.unsampled >= _INTERVAL - 1e-9 and len(state.world.awake):
         rubble.unsampled = 0.0
         begun = Begun(rubble.poses, rubble.velocities)
-        struck = struck_bodies(state.world, change_by_contacts(state.world, *begun,
-                                                               model.gravity * dt))
+        struck = struck_bodies(state.world, change_by_contacts(state.world, *begun, dt))
         rubble.waiting += overloading(model, state, struck, _grain(model, state), dt)
     blows = [b for b in rubble.waiting if state.bodies.parts_of(b.body) is b.parts]
     broken, rubble.waiting = _break(model, state, blows)
@@ -191,8 +190,8 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
     :param others: wait for parallel work that reads standing parts.
     :param rows, poses, velocities, duration: see `Looked`.
     """
-    begun, fall = Begun(poses, velocities), model.gravity * duration
-    change = change_by_contacts(state.world, *begun, fall)
+    begun, fall = Begun(poses, velocities), -float(state.world.gravity[2]) * duration
+    change = change_by_contacts(state.world, *begun, duration)
     struck = struck_bodies(state.world, change)
     if not struck.any():
         return
@@ -215,7 +214,7 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
     broken = _struck_pieces(model, state, struck, change, made(TEETH), poses) if len(weak) else []
     share[[blow.body for blow, _ in broken]] = [result.share for _, result in broken]
     if found or broken:
-        rows[near, 9:] = give_back(state.world, contacts, begun, fall, share) / duration
+        rows[near, 9:] = give_back(state.world, contacts, begun, duration, share) / duration
         yielding.release(model, state, found)
         _split(model, state, broken)
         _join_step(state, [*(out.parts for out, _ in found), *(blow.parts for blow, _ in broken)])

@@ -29,7 +29,7 @@ from procphys_ros.physics.masonry import Failures, punched, Resistance, together
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
 from procphys_ros.simulation import breaking, load_checks
-from procphys_ros.simulation.model import Model
+from procphys_ros.simulation.model import Model, SETTLING
 from procphys_ros.simulation.state import State
 
 WALL_RATE = 100.0  # [1/s] angular frequency 2π/T of a storey-high half-brick wall, T about 60 ms:
@@ -43,7 +43,6 @@ _WORK = 1e7      # [1/s] ... of parts times iterations under blows, and while jo
 #                 close: real time at 0.1 µs each; linear problems, solved once, have no bound
 _TIPPING = 0.15  # [m/s] of its middle, at which a wall of thickness t and height h tips over:
 #                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
-SETTLING = 20_000  # iterations to find the stresses of a scene before its first step
 
 
 @dataclass(frozen=True)
@@ -359,7 +358,8 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
 
     The equivalent static force is that on a wall that vibrates elastically. A mechanism has no
     such period: only the momentum along the path of its middle counts; the force on the ground
-    moves nothing. Overturned parts get it, and become no faster than the striking body.
+    moves nothing. Overturned parts get it, and become no faster than the striking body. On shaken
+    ground nobody can tell beforehand: mechanisms rock as loose bodies.
 
     :param moved: parts that a mechanism moves, (K,).
     """
@@ -369,7 +369,7 @@ def _ride_out(state: State, moved: np.ndarray) -> bool:
     way /= max(float(norm(way)), 1e-12)
     blows = max(float(product(state.loads.impulse_on(moved), way)), 0.0) * way
     size = float(norm(blows))
-    if float(norm(blows + waves.sum(axis=0))) > _TIPPING * whole:
+    if state.shaking.acts or float(norm(blows + waves.sum(axis=0))) > _TIPPING * whole:
         most = state.loads.striking_speed(moved) * whole
         velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
         state.loads.thrown[moved] = velocity

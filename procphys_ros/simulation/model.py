@@ -16,7 +16,7 @@
 """Model: what a scene compiles to once; constant arrays that every step reads."""
 
 from collections.abc import Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
@@ -28,7 +28,7 @@ from procphys_ros.compilation.threads import most_threads
 from procphys_ros.physics.air import SHEDDING_SPEED
 from procphys_ros.physics.foliage import speed_of, strengths
 from procphys_ros.physics.loads import exposed_faces, outer_faces, with_joints
-from procphys_ros.physics.masonry import BondGraph, FreeBodies
+from procphys_ros.physics.masonry import BondGraph, first_modes, FreeBodies, Modes
 from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.trees import Anchors, Forest
@@ -43,6 +43,7 @@ from procphys_ros.simulation.obstacles import Bricks, Climbers, find_shelter
 from procphys_ros.simulation.spawned_parts import SHARD
 
 _JOINT = 0.01        # [m] mortar between parts whose faces count as one wall
+SETTLING = 20_000    # iterations to find the stresses of a scene before its first step
 _COVERED = 0.5       # [m] before an outer face, within which another part shields it
 _THICKEST = 0.025    # [m] thicker glass is not a pane
 _NO_PLANTS: Mapping[str, ScenePlant] = MappingProxyType({})
@@ -101,6 +102,13 @@ class MasonryModel:
         """Return the number of the connected building of each part, (N,)."""
         graph = self.graph
         return label(graph.count, graph.first, graph.second, np.ones(len(graph), bool))[0]
+
+    @cached_property
+    def modes(self) -> Modes:
+        """Estimate the first modes of the intact buildings, on first access."""
+        number = np.full(len(self.members), -1)
+        number[self.members] = np.unique(self.building[self.members], return_inverse=True)[1]
+        return first_modes(deepcopy(self.graph), number, SETTLING)
 
     @cached_property
     def skin(self) -> np.ndarray:

@@ -185,7 +185,7 @@ def watch_dust(model: Model, state: State, dt: float) -> None:
     _from_projectiles(model, state, own.cloud)
     bodies, ids = state.world.bodies, state.world.awake
     free = bodies.velocities[ids]  # a copy
-    free[:, 2] -= model.gravity * dt
+    free[:, :3] += state.world.gravity * dt
     fast = (free[:, :3] * free[:, :3]).sum(axis=1) > _HARD * _HARD
     own.watch = None
     if fast.any():
@@ -300,9 +300,9 @@ def _present(model: Model, state: State, watch: dict[str, np.ndarray],
     doing = bodies.state[ids]
     same = (((doing == BodyState.AWAKE) | (doing == BodyState.RESTING))
             & (bodies.mass[ids] == mass) & (shift < 2.0 * way + _JUMP))
-    lift = poses[:, 2] - watch['poses'][:, 2] - free[:, 2] * dt
+    lift = poses[:, :3] - watch['poses'][:, :3] - free[:, :3] * dt
     energy = (motion_energy(mass, bodies.inertia[ids], poses[:, 3:], after)
-              + mass * model.gravity * lift)
+              - mass * product(lift, state.world.gravity))
     return np.where(same, energy, 0.0), np.where(same[:, None], after, 0.0), same
 
 

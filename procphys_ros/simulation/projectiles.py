@@ -118,7 +118,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
         if found is None:
             break
         hits, is_tree = found
-        _move(pose, velocity, hits.fraction[0] * left, model.gravity)
+        _move(pose, velocity, hits.fraction[0] * left, state.world.gravity)
         left *= 1.0 - hits.fraction[0]
         before = velocity[:3].copy()
         if is_tree:
@@ -131,7 +131,7 @@ def _fly(model: Model, state: State, missile: Missile, dt: float) -> None:
         has_struck = True
     if has_struck:
         # The engine makes a whole step: move the start back along the path, as far as it is free.
-        _move(pose, velocity, left - thrown_back, model.gravity)
+        _move(pose, velocity, left - thrown_back, state.world.gravity)
         missile.ahead = dt - thrown_back
         state.world.set_poses(body, pose[None])
         state.world.set_velocities(body, velocity[None])
@@ -150,16 +150,17 @@ def take_back(model: Model, state: State, dt: float) -> None:
         if missile.body in touches:
             continue
         pose, velocity = bodies.poses[missile.body].copy(), bodies.velocities[missile.body].copy()
-        _move(pose, velocity, -ahead, model.gravity)
+        _move(pose, velocity, -ahead, state.world.gravity)
         state.world.set_poses(np.array([missile.body]), pose[None])
         state.world.set_velocities(np.array([missile.body]), velocity[None])
 
 
-def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: float) -> None:
-    """Move straight ahead, or back, with the energy of free flight."""
+def _move(pose: np.ndarray, velocity: np.ndarray, duration: float, gravity: np.ndarray) -> None:
+    """Move straight ahead, or back, with the energy of free flight under gravity, (3,)."""
     pose[:3] += duration * velocity[:3]
-    square = velocity[2] * velocity[2] - 2.0 * gravity * duration * velocity[2]
-    velocity[2] = np.copysign(np.sqrt(max(square, 0.0)), velocity[2])
+    for c in np.flatnonzero(gravity).tolist():
+        square = velocity[c] * velocity[c] + 2.0 * gravity[c] * duration * velocity[c]
+        velocity[c] = np.copysign(np.sqrt(max(square, 0.0)), velocity[c])
 
 
 def _ahead(model: Model, state: State, missile: Missile, pose: np.ndarray,

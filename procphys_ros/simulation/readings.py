@@ -27,6 +27,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.physics.foliage import Flutter
+from procphys_ros.physics.ground_motion import GroundMotion
 from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
 from procphys_ros.physics.masonry import strength
 from procphys_ros.physics.trees.breaks import section_modulus
@@ -302,6 +303,17 @@ class Readings:
     def wind(self) -> Wind:
         """Return the wind."""
         return self.state.wind
+
+    @property
+    def ground_motion(self) -> GroundMotion:
+        """Motion of the ground from the beginning of its present earthquake on."""
+        return self.state.shaking.motion
+
+    @property
+    def ground_acceleration(self) -> np.ndarray:
+        """Present acceleration of the ground [m/s²], (3,), world."""
+        own = self.state.shaking
+        return own.motion.at(self.state.time - own.began)[0]
 
     @property
     def log(self) -> EventLog:

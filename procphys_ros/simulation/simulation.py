@@ -24,6 +24,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind import Gust
 from procphys_ros.scene import Scene, SceneObject
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.joint_drive import DriveJoint
@@ -247,7 +248,7 @@ class Simulation(Readings):
         Execute a command now, before the next step.
 
         :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion`,
-            `Demolition` or `Grow`.
+            `Demolition`, `Earthquake` or `Grow`.
         :returns: see `commands.apply`.
         :raises CommandError: if it cannot be carried out; nothing is changed then.
         """
@@ -364,6 +365,17 @@ class Simulation(Readings):
         :raises CommandError: if the part is unknown or gone, or there is no joint to cut.
         """
         return self.apply(Cut(str(part), point, normal, reach))
+
+    def shake(self, earthquake: Earthquake | None = None) -> None:
+        """
+        Begin an earthquake, in the place of one that is under way.
+
+        Positions and velocities are relative to the ground.
+
+        :param earthquake: None = the scene's own.
+        :raises CommandError: if it begins behind the end of its record.
+        """
+        self.apply(earthquake or self.model.settings.earthquake)
 
     def grow(self, target: str = '', rate: float = Grow.rate, years: int = Grow.years) -> int:
         """

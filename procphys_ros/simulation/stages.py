@@ -26,6 +26,7 @@ from procphys_ros.simulation import (
     charges,
     commands,
     contact,
+    earthquake,
     fragments,
     growth,
     impacts,
@@ -84,6 +85,7 @@ def step_rigid_bodies(model: Model, state: State, dt: float) -> None:
 STAGES = (
     Stage('cues', commands.run_cues),
     Stage('commands', commands.apply_wrenches),
+    Stage('earthquake', earthquake.shake),
     Stage(growth.STAGE, growth.step),
     Stage('intruder', intruder.advance),
     Stage('charges', charges.step),

@@ -26,10 +26,12 @@ from procphys_ros.blueprint import Blueprint, chain, Joints
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import DustCloud
 from procphys_ros.physics.foliage import FallingLeaves
+from procphys_ros.physics.ground_motion import GroundMotion, STILL
 from procphys_ros.physics.loads import WallPressure
 from procphys_ros.physics.masonry import Fracture, FreeBodies, StressSolver
 from procphys_ros.physics.masonry.contact_forces import BodyContacts, PieceBlow
 from procphys_ros.physics.masonry.standing_loads import StandingLoads
+from procphys_ros.physics.masonry.vibration import ShakenBuildings
 from procphys_ros.physics.skyline import OPEN, Skyline
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.wind import Wind
@@ -318,6 +320,23 @@ class MechanismState:
 
 
 @dataclass
+class ShakingState:
+    """
+    An earthquake.
+
+    :ivar motion: of the ground.
+    :ivar began: time [s].
+    :ivar acts: whether the ground is accelerated.
+    :ivar buildings: how they respond.
+    """
+
+    motion: GroundMotion = STILL
+    began: float = 0.0
+    acts: bool = False
+    buildings: ShakenBuildings = field(default_factory=ShakenBuildings.none)
+
+
+@dataclass
 class SkylineState:
     """
     The skyline of standing parts.
@@ -374,6 +393,7 @@ class State:
     :ivar charges: armed: time [s], place [m] and radius [m] of each, by time.
     :ivar wrenches: lasting force and torque per part [N], [N·m], (6,) each.
     :ivar skyline: height of standing parts.
+    :ivar shaking: the earthquake that is under way.
     :ivar excluded: pairs of parts without contact, see `contact_exclusions`, (K, 2).
     :ivar blueprints: parts of the scene and of all that joined since, to be chained.
     :ivar added: objects that users added and did not remove, as placed, by name.
@@ -417,6 +437,7 @@ class State:
     charges: list[tuple[float, np.ndarray, float]] = field(default_factory=list)
     wrenches: dict[int, np.ndarray] = field(default_factory=dict)
     skyline: SkylineState = field(default_factory=SkylineState)
+    shaking: ShakingState = field(default_factory=ShakingState)
     excluded: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.intp))
     blueprints: list[Blueprint] = field(default_factory=list)
     added: dict[str, Blueprint] = field(default_factory=dict)

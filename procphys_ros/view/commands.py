@@ -43,7 +43,7 @@ class Reset:
 
 @dataclass(frozen=True)
 class Undo:
-    """Restore the state before the last click, gust or reset."""
+    """Restore the state before the last click, gust, earthquake or reset."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,13 @@ class StartGust:
     """Send a gust of this amplitude [m/s] through the scene."""
 
     amplitude: float
+
+
+@dataclass(frozen=True)
+class StartEarthquake:
+    """Shake the ground with up to this acceleration [m/s²]."""
+
+    peak: float
 
 
 @dataclass(frozen=True)
@@ -76,7 +83,8 @@ class LoadScene:
 
 # Actions on the scene that a page shows.
 CLICKS = (Inspect, Undo, Impulse, Projectile, Explosion, Cut)
-UNDONE = (Impulse, Projectile, Explosion, Cut, StartGust, Reset)  # actions that `Undo` reverts
+# Actions that `Undo` reverts.
+UNDONE = (Impulse, Projectile, Explosion, Cut, StartGust, StartEarthquake, Reset)
 
 
 def drop_clicks(waiting: Queue[Any]) -> None:

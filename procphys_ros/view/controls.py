@@ -23,12 +23,22 @@ from typing import Any
 from procphys_ros.physics.wind import FASTEST
 from procphys_ros.simulation.commands import SetWind
 from procphys_ros.view.clicks import effect, Strength, Tool
-from procphys_ros.view.commands import LoadScene, Reset, SetPause, SetSpeed, StartGust, Step, Undo
+from procphys_ros.view.commands import (
+    LoadScene,
+    Reset,
+    SetPause,
+    SetSpeed,
+    StartEarthquake,
+    StartGust,
+    Step,
+    Undo,
+)
 from procphys_ros.view.source import Status
 
 _USUAL_FACTOR = 4.0  # largest real-time factor of the slider, unless the source has a larger one
 _FASTEST = (1.0 - 1e-12) * FASTEST  # [m/s] below the limit in spite of rounding
 _STEP, _RESET, _UNDO, _GUST = 'step', 'reset', 'undo', 'gust'
+_SHAKE = 'earthquake'
 
 
 class Controls:
@@ -50,6 +60,7 @@ class Controls:
         self._add_tools(gui)
         self._add_time(gui, [_STEP, _RESET, *[_UNDO] * can_undo])
         self._add_wind(gui)
+        self._add_ground(gui)
         if scenes:
             self._add_scenes(gui)
 
@@ -135,6 +146,13 @@ class Controls:
         _on_user(self.wind.on_update, self._blow)
         _on_user(self.direction.on_update, self._blow)
         _on_user(self.gust.on_click, lambda: self._say(StartGust(self.gust_speed.value)))
+
+    def _add_ground(self, gui: Any) -> None:
+        with gui.add_folder('Ground', expand_by_default=False):
+            self.peak = gui.add_slider('up to [m/s²]', 0.5, 15.0, 0.5, 3.0,
+                                       hint='greatest acceleration of a synthetic earthquake')
+            self.shake = gui.add_button_group('', [_SHAKE])
+        _on_user(self.shake.on_click, lambda: self._say(StartEarthquake(self.peak.value)))
 
     def _blow(self) -> None:
         angle = math.radians(self.direction.value)

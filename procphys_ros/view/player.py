@@ -34,6 +34,7 @@ from procphys_ros.view.commands import (
     Reset,
     SetPause,
     SetSpeed,
+    StartEarthquake,
     StartGust,
     Step,
     Undo,
@@ -80,6 +81,7 @@ class Player:
         self._actions: dict[type, Callable[[Any], str]] = {
             SetPause: self._set_pause, Step: self._step_once, Reset: self._reset,
             Undo: self._undo, SetSpeed: self._set_speed, StartGust: self._gust,
+            StartEarthquake: self._shake,
             Inspect: self._inspect, LoadScene: self._load}
 
     def start(self) -> None:
@@ -201,6 +203,11 @@ class Player:
         self.simulation.gust(replace(self.simulation.model.settings.gust,
                                      amplitude=command.amplitude))
         return '' if self.simulation.wind.enabled else 'the wind is off: no gust is felt'
+
+    def _shake(self, command: StartEarthquake) -> str:
+        self.simulation.shake(replace(self.simulation.model.settings.earthquake,
+                                      peak=command.peak))
+        return ''
 
     def _inspect(self, command: Inspect) -> str:
         part = self.simulation.names.index(command.part)

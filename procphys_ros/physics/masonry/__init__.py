@@ -21,6 +21,7 @@ from procphys_ros.physics.masonry.free_body import Breakage, FreeBodies
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.punching import punched, together
 from procphys_ros.physics.masonry.solver import StressSolver
+from procphys_ros.physics.masonry.vibration import first_modes, Modes
 
-__all__ = ['BondGraph', 'Breakage', 'Failures', 'Fracture', 'FreeBodies', 'punched',
-           'Resistance', 'StressSolver', 'together']
+__all__ = ['BondGraph', 'Breakage', 'Failures', 'first_modes', 'Fracture', 'FreeBodies', 'Modes',
+           'punched', 'Resistance', 'StressSolver', 'together']

@@ -26,6 +26,7 @@ _TOGETHER = 0.1  # [s] loads that change within this time act together: about tw
 _NOTICED = 0.05  # of the largest force of a source: smaller changes need no new stresses, ...
 _FAINT = 50.0    # [N] ... nor do those far below the strength of a brick's joints, some kN
 _STEADY = 1e-3   # of the largest force: a load that changes by less between two looks rests
+_COLUMNS = 10    # of a blow: wrench, impulse, concentrated force
 _ROUNDS = 3      # with failures under a blow, about 0.06 s: cracks run through a panel
 #                  while it swings out, but later crumbling must not be loaded by the blow
 
@@ -116,7 +117,7 @@ class StandingLoads:
 
     def resize(self, count: int) -> None:
         """Extend the arrays for parts appended to all others, (N,) with them."""
-        more = np.zeros((count - self._count, 9))
+        more = np.zeros((count - self._count, _COLUMNS))
         self._count = count
         self._speed = np.concatenate([self._speed, more[:, 0]])
         self.thrown = np.concatenate([self.thrown, more[:, :3]])
@@ -127,7 +128,7 @@ class StandingLoads:
         self._changed = True  # the solver is a new one
 
     def add_blow(self, parts: np.ndarray, wrenches: np.ndarray, speed: np.ndarray | float,
-                 impulses: np.ndarray | float = 0.0) -> None:
+                 impulses: np.ndarray | float = 0.0, concentrated: float | None = None) -> None:
         """
         Add blows, which act until the stresses under them break no more bonds.
 
@@ -136,10 +137,13 @@ class StandingLoads:
             [N·m], world, (K, 6).
         :param speed: of the striking bodies [m/s], (K,) or one for all.
         :param impulses: of the parts when they are released [N·s], world, (K, 3).
+        :param concentrated: force that they put on a part, which decides how accurately they are
+            balanced [N]; None = that of each.
         """
         parts = np.asarray(parts, np.intp)
-        blows = np.zeros((len(parts), 9))
-        blows[:, :6], blows[:, 6:] = wrenches, impulses
+        blows = np.zeros((len(parts), _COLUMNS))
+        blows[:, :6], blows[:, 6:9] = wrenches, impulses
+        blows[:, 9] = norm(blows[:, :3], axis=1) if concentrated is None else concentrated
         self._struck.append((parts, blows))
         np.maximum.at(self._speed, parts, speed)
 
@@ -155,13 +159,13 @@ class StandingLoads:
 
     @property
     def largest_blow(self) -> float:
-        """Return the largest force of an active blow on a part [N]."""
+        """Return the largest force that an active blow concentrates on a part [N]."""
         blows = self._blows
-        return 0.0 if blows is None else float(norm(blows[:, :3], axis=1).max())
+        return 0.0 if blows is None else float(blows[:, 9].max())
 
     def impulse_on(self, parts: np.ndarray) -> np.ndarray:
         """Return the impulse of all active blows on parts [N·s], (3,)."""
-        return np.zeros(3) if self._blows is None else self._blows[parts, 6:].sum(axis=0)
+        return np.zeros(3) if self._blows is None else self._blows[parts, 6:9].sum(axis=0)
 
     def striking_speed(self, parts: np.ndarray) -> float:
         """Return the speed of the fastest body that has struck any of the parts [m/s]."""
@@ -172,11 +176,11 @@ class StandingLoads:
         total = np.zeros(3)
         for struck, blows in self._struck:
             leaves = np.isin(struck, parts)
-            total += blows[leaves, 6:].sum(axis=0)
+            total += blows[leaves, 6:9].sum(axis=0)
             blows[leaves] = 0.0
         for column in (self._waiting, self._blows):
             if column is not None:
-                total += column[parts, 6:].sum(axis=0)
+                total += column[parts, 6:9].sum(axis=0)
                 column[parts] = 0.0
         self._changed |= self._blows is not None
         return total
@@ -213,7 +217,7 @@ class StandingLoads:
         :param time: [s].
         """
         if self._struck:
-            self._waiting = _strongest(self._waiting, self._total(self._struck, 9))
+            self._waiting = _strongest(self._waiting, self._total(self._struck, _COLUMNS))
             self._struck.clear()
         if not self._changed and self._waiting is None:
             return
@@ -239,7 +243,7 @@ class StandingLoads:
 
 
 def _strongest(blows: np.ndarray | None, others: np.ndarray) -> np.ndarray:
-    """Return the blow with the larger force on each part, (N, 9)."""
+    """Return the blow with the larger force on each part, (N, 10)."""
     if blows is None:
         return others
     harder = norm(others[:, :3], axis=1) > norm(blows[:, :3], axis=1)

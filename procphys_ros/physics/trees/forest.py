@@ -97,7 +97,7 @@ class Forest:
         """
         rows = arrange(blueprint, air_density)
         self.parts, self.bonds, self.ends = rows.part, rows.bond, rows.end
-        self._gravity = np.asarray(gravity, float)
+        self._gravity = self._felt = np.asarray(gravity, float)
         self._rooted = rows.parent.copy()
         self._model = state.make_model(rows)
         self._joints = self._model.joint.copy()
@@ -187,7 +187,11 @@ class Forest:
         self._stepped = None
         self._breathe(dt, wind)
         parallel.step(self._plan, self._model, self._state, self._scratches, self._wind,
-                      self._gravity, self._time_step, threads)
+                      self._felt, self._time_step, threads)
+
+    def set_felt_gravity(self, gravity: np.ndarray) -> None:
+        """Set gravity less the acceleration of the ground, for the next steps [m/s²], (3,)."""
+        self._felt = np.asarray(gravity, float)
 
     def lean(self, trees: np.ndarray, wind: np.ndarray | None, threads: int = 1,
              goal: float = _LEANT) -> None:
@@ -217,7 +221,7 @@ class Forest:
         self._stepped = self.rows_of(trees)
         self._breathe(dt, wind)
         parallel.step_some(self._plan, trees, steps * self._time_step, self._model, self._state,
-                           self._scratches, self._wind, self._gravity, threads)
+                           self._scratches, self._wind, self._felt, threads)
 
     def rows_of(self, trees: np.ndarray) -> np.ndarray:
         """List the rows of some trees of `plan`, tree by tree."""
@@ -235,7 +239,7 @@ class Forest:
         for mine, theirs in zip(*columns):
             mine[rows] = theirs
         self.parents[rows[(other.parents < 0)]] = -1
-        self._time_step, self._stale = other._time_step, True
+        self._time_step, self._stale, self._felt = other._time_step, True, other._felt
 
     @property
     def constants(self) -> np.ndarray:
@@ -514,7 +518,7 @@ class Forest:
         impulses = np.zeros((0, 3)) if impulses is None else np.ascontiguousarray(impulses, float)
         return contact_response.predict_response(
             plan, self._entry[rows], np.ascontiguousarray(points), impulses, self._model,
-            self._state, self._scratches, wind, self._gravity, float(dt), threads)
+            self._state, self._scratches, wind, self._felt, float(dt), threads)
 
     def energy(self) -> float:
         """Compute the mechanical energy of the active rows above that of the rest pose [J]."""

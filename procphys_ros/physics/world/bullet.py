@@ -98,6 +98,11 @@ class BulletEngine:
         self._gravity, self._terrain = np.array(gravity, float), terrain
         self._connect()
 
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Set the acceleration of awake bodies [m/s²], (3,)."""
+        self._gravity = np.array(gravity, float)
+        pybullet.setGravity(*self._gravity.tolist(), **self._to)
+
     def _connect(self) -> None:
         self._table = BodyTable()
         client = pybullet.connect(pybullet.DIRECT)

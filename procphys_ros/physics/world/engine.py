@@ -99,6 +99,9 @@ class Engine(Protocol):
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """Set linear [m/s] and angular velocities [rad/s], world axes, (K, 6)."""
 
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Set the acceleration of awake bodies [m/s²], (3,)."""
+
     def set_excluded(self, pairs: np.ndarray, excluded: bool) -> None:
         """Exclude pairs of bodies from collision, or include them again, (K, 2) ids."""
 

@@ -87,6 +87,10 @@ class NativeEngine:
     def close(self) -> None:
         """Free the memory."""
 
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """Set the acceleration of awake bodies [m/s²], (3,)."""
+        self._gravity = np.array(gravity, float)
+
     def save(self) -> dict[str, np.ndarray]:
         """Copy contacts, which steps start from, and bodies in the order of their pieces."""
         self._drop_removed()

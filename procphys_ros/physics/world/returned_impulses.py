@@ -69,8 +69,8 @@ class Begun(NamedTuple):
     velocities: np.ndarray
 
 
-def give_back(world: World, contacts: Contacts, before: Begun, fall: float, share: np.ndarray
-              ) -> np.ndarray:
+def give_back(world: World, contacts: Contacts, before: Begun, duration: float,
+              share: np.ndarray) -> np.ndarray:
     """
     Reduce the impulses on bodies that broke, and solve the other contacts again.
 
@@ -78,7 +78,7 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     of it, so that momentum is kept. Writes velocities of bodies.
 
     :param before: motion when the contacts were found.
-    :param fall: speed gained by gravity since [m/s].
+    :param duration: since then, in which gravity acted [s].
     :param share: of the impulses on each body that its bonds transmitted, by id, (B,).
     :returns: impulses and their normal components [N·s], (C, 4).
     """
@@ -99,7 +99,8 @@ def give_back(world: World, contacts: Contacts, before: Begun, fall: float, shar
     ids, given = ids[free], state[free, :6] - bodies.velocities[ids[free]]
     changed = (after != impulse).any(axis=1)
     group = group_bodies(pairs[0][changed], pairs[1][changed], loose)
-    part = _possible(ids, group, given, fall, bodies.mass, bodies.inertia, before.poses,
+    part = _possible(ids, group, given, world.gravity * duration, bodies.mass, bodies.inertia,
+                     before.poses,
                      before.velocities, bodies.poses, bodies.velocities)
     given *= part[group[ids], None]
     one = np.where(loose[pairs[0]], pairs[0], pairs[1])
@@ -217,7 +218,7 @@ def _press(c, i, j, arms, impulse, state, out):
 
 
 @kernel
-def _possible(ids, group, given, fall, mass, inertia, start, before, poses, after):
+def _possible(ids, group, given, gained, mass, inertia, start, before, poses, after):
     """
     Return the share of the changes that each group can have, by its number, (B,).
 
@@ -225,14 +226,14 @@ def _possible(ids, group, given, fall, mass, inertia, start, before, poses, afte
 
     :param given: changes of velocity, (K, 6).
     :param start, before: poses and velocities at the start of the step; `poses` and `after` now.
-    :param fall: velocity gained by free bodies through gravity [m/s].
+    :param gained: velocity that gravity gave free bodies [m/s], (3,).
     """
     free, now = np.zeros(len(mass)), np.zeros(len(mass))
     linear, square = np.zeros(len(mass)), np.zeros(len(mass))
     for k in range(len(ids)):
         i, g = ids[k], group[ids[k]]
         falling = before[i].copy()
-        falling[2] -= fall
+        falling[:3] += gained
         free[g] += kinetic_energy(mass[i], inertia[i], start[i, 3:], falling)
         own = kinetic_energy(mass[i], inertia[i], poses[i, 3:], after[i])
         change = kinetic_energy(mass[i], inertia[i], poses[i, 3:], given[k])

@@ -96,6 +96,11 @@ class World:
         return self._bodies.awake
 
     @property
+    def gravity(self) -> np.ndarray:
+        """Acceleration of free bodies [m/s²], (3,)."""
+        return self._gravity
+
+    @property
     def bodies(self) -> BodyTable:
         """Columns of all bodies by id: poses, velocities, state; read-only."""
         return self._bodies
@@ -313,6 +318,19 @@ class World:
         self._bodies.velocities[ids] = 0.0
         self._engine.freeze(ids)
         self._bodies.bounds[ids] = self.bounds(ids)
+
+    def set_gravity(self, gravity: np.ndarray) -> None:
+        """
+        Set the acceleration of bodies [m/s²], (3,); if it changes, none is at rest.
+
+        Without contacts that move, what sleeps would never feel it.
+        """
+        if np.array_equal(gravity, self._gravity):
+            return
+        self._gravity = np.array(gravity, float)
+        self.wake(self._bodies.ids)
+        self._bodies.quiet[self.awake] = 0.0
+        self._engine.set_gravity(self._gravity)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
         """
