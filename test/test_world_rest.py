@@ -22,7 +22,9 @@ from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.world import (
     BodyState,
+    FRICTION,
     installed_engines,
+    JointKind,
     merge_boxes,
     rigid_sum,
     World,
@@ -402,3 +404,31 @@ def test_what_is_wedged_in_is_not_thrown_out(lean, into):
         for _ in range(120):
             world.step(DT)
             assert np.linalg.norm(world.velocities([brick])[0, :3]) < 0.3
+
+
+def test_what_spins_on_a_corner_stops_by_friction_within_its_point():
+    """
+    Spin a cube on its corner under a weight that slides down with it, about the vertical.
+
+    The corner crushes until 10 MPa bear the load, and rubs by 2/3·μ·N·r.
+    """
+    edge, mass, weight, spin, height = 0.3, 20.0, 100.0, 4.0, 0.5 * 3.0 ** 0.5 * 0.3
+    tip = rotation.from_axis_angle(np.array([1.0, -1.0, 0.0]) / 2.0 ** 0.5,
+                                   np.array(np.arccos(3.0 ** -0.5)))
+    up = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-0.5 * np.pi))
+    with World(engine='native') as world:
+        cube = world.add_body(Shape.BOX, [edge] * 3, mass, at(0, 0, height, tip))
+        load = world.add_body(Shape.BOX, [0.1] * 3, weight, at(0, 0, 1.0))
+        for kind, first, second in ((JointKind.HINGE, cube, load), (JointKind.SLIDER, load, 0)):
+            world.join(kind, first, second, at(0, 0, 0.8, up))
+        world.step(DT)
+        world.set_velocities(np.array([cube]), np.array([[0.0, 0.0, 0.0, 0.0, 0.0, spin]]))
+        force, inertia = (mass + weight) * G, mass * edge ** 2 / 6.0
+        slows = 2.0 / 3.0 * FRICTION * force * np.sqrt(force / (np.pi * 1e7)) / inertia
+        for _ in range(round(0.5 * spin / slows / DT)):
+            world.step(DT)
+        left = spin - slows * DT * round(0.5 * spin / slows / DT)
+        assert world.velocities([cube])[0, 5] == pytest.approx(left, rel=0.05)
+        for _ in range(round(0.6 * spin / slows / DT)):
+            world.step(DT)
+        assert abs(world.velocities([cube])[0, 5]) < 1e-3

@@ -209,8 +209,8 @@ def judge(model: Model, state: State, others: Sequence[Callable[[], object]], ro
     if hits.any():
         for ended in others:
             ended()
-        found = yielding.exits(state, made(FACES), np.flatnonzero(hits[near]), standing[near],
-                               group, share)
+        found = yielding.exits(state, made(FACES), velocities, np.flatnonzero(hits[near]),
+                               standing[near], group, share)
     broken = _struck_pieces(model, state, struck, change, made(TEETH), poses) if len(weak) else []
     share[[blow.body for blow, _ in broken]] = [result.share for _, result in broken]
     if found or broken:

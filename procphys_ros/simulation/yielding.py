@@ -42,6 +42,7 @@ class Pushes(NamedTuple):
     :ivar force: mean over its contact time, along the direction [N], (K,).
     :ivar impulse: along the direction [N·s], (K,).
     :ivar energy: dissipated by all contacts of these bodies, and of those behind them [J].
+    :ivar speed: of the fastest point of these, at most [m/s].
     """
 
     direction: np.ndarray
@@ -50,6 +51,7 @@ class Pushes(NamedTuple):
     force: np.ndarray
     impulse: np.ndarray
     energy: float
+    speed: float
 
 
 def hit(state: State, pairs: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -65,8 +67,9 @@ def hit(state: State, pairs: np.ndarray, struck: np.ndarray) -> tuple[np.ndarray
     return standing, (standing >= 0).any(axis=1) & struck[pairs].any(axis=1)
 
 
-def exits(state: State, made: Blows, hits: np.ndarray, standing: np.ndarray, group: np.ndarray,
-          share: np.ndarray) -> list[tuple[masonry.Exit, masonry.Strike]]:
+def exits(state: State, made: Blows, velocities: np.ndarray, hits: np.ndarray,
+          standing: np.ndarray, group: np.ndarray, share: np.ndarray
+          ) -> list[tuple[masonry.Exit, masonry.Strike]]:
     """
     List what blows drive out of what stands, and the blow of each.
 
@@ -74,13 +77,16 @@ def exits(state: State, made: Blows, hits: np.ndarray, standing: np.ndarray, gro
     of their impulse, and meet the released parts, at rest until then, in the next query.
 
     :param made: contacts, with all those of the bodies that strike.
+    :param velocities: of all bodies before, (B, 6).
     :param hits: contacts in which standing parts are struck, (K,) rows.
     :param standing: standing part of each body of a contact, -1 for others, (C, 2).
     :param group: number of the group of each body, see `group_bodies`, (B,).
     :param share: of the impulses that each body took, by id, (B,); written where parts give way.
     """
     found, leaves = [], np.zeros(len(state.parts.owner), bool)
-    for pushes in _alike(made, hits, standing, group):
+    speed = norm(velocities[:, :3], axis=1)
+    speed += norm(velocities[:, 3:], axis=1) * state.world.bodies.radius[:len(speed)]
+    for pushes in _alike(made, speed, hits, standing, group):
         for out, blow in _exits(state, pushes):
             if not leaves[out.parts].any():  # else the next query judges the rest
                 found.append((out, blow))
@@ -89,11 +95,12 @@ def exits(state: State, made: Blows, hits: np.ndarray, standing: np.ndarray, gro
     return found
 
 
-def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
+def _alike(made: Blows, speed: np.ndarray, hits: np.ndarray, standing: np.ndarray,
            group: np.ndarray) -> Iterator[Pushes]:
     """
     Group blows by direction: bodies that push the same way do so together.
 
+    :param speed: of the fastest point of each body [m/s], (B,).
     :param hits: contacts with standing parts, (K,).
     :param standing: standing part of each body of a contact, -1 for others, (C, 2).
     :param group: number of the group of each body, see `group_bodies`, (B,).
@@ -119,7 +126,7 @@ def _alike(made: Blows, hits: np.ndarray, standing: np.ndarray,
         behind = np.isin(group, group[bodies[alike]])
         taken = made.energy[behind[contacts.body_a] | behind[contacts.body_b]].sum()
         yield Pushes(direction, place[own], part[own], along / made.duration[row], along,
-                     float(taken))
+                     float(taken), float(speed[behind].max()))
 
 
 def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry.Strike]]:
@@ -127,9 +134,10 @@ def _exits(state: State, pushes: Pushes) -> Iterator[tuple[masonry.Exit, masonry
     _, striker = np.unique(pushes.striker, return_inverse=True)
     force = np.maximum(np.bincount(striker, pushes.force), 0.0)
     momentum = float(pushes.impulse.sum())
-    if not force.any() or min(momentum, pushes.energy) <= 0.0:
+    if not force.any() or min(momentum, pushes.energy, pushes.speed) <= 0.0:
         return
-    stopped = 0.5 * momentum * momentum / pushes.energy  # mass that has this energy, too
+    # The mass that has this energy, too, but what strikes is no faster than it was.
+    stopped = max(0.5 * momentum * momentum / pushes.energy, momentum / pushes.speed)
     mass = stopped + state.parts.mass[np.unique(pushes.part)].sum()
     for own in punched(state.solver, striker, pushes.part, force, pushes.direction,
                        float(force.sum() / mass)):

@@ -73,6 +73,7 @@ _GIVES = 0.006  # softness: relative decay of the contact force, so that wedged 
 #                 body falls in a substep, as light bodies would sink in under heavy ones
 ROLLING = 0.008  # [m] lever arm of rolling resistance: hard balls on firm soil ...
 MOST_ROLLING = 0.1  # ... and its largest share of the radius, as pebbles would slide beyond
+_CRUSHES = 1e7  # [Pa] compressive strength of brickwork, by which a point becomes a patch
 _BOUNCE = 0.05  # [m/s] least approach speed of a bounce: 0.1 mm of height
 _WORK = 12_000_000  # [1/s] budget of contacts solved per island: enough for a stack, not a heap
 _LEAST_PASSES = 2  # pairs, without which large heaps jitter and never sleep
@@ -317,6 +318,7 @@ def _solve_island(own, begin, end, free, bodies, ends, elastic, radius, order, f
         if bounces and _strikes(contacts, rows, elastic):
             _passes(passes, contacts, ends, state, rows, held, joints, system, span,
                     (h, 0.0, 0.0), False)
+        _resist_spin(contacts, ends, h, state, rows)
         _add_up(contacts, rows, spots)
         if hangs:
             jointed.add_up(held, joints, system, h)
@@ -675,6 +677,27 @@ def _resist_rolling(r, i, j, pressed, state, rows):
         now = scaled(most / far, now)
     _turn_by(i, j, less(now, before), state)
     put(rows, r, _ROLLED, now)
+
+
+@subroutine(**LEAN)
+def _resist_spin(contacts, ends, h, state, rows):
+    """
+    Slow down spins about contact normals by friction within each point of contact.
+
+    A point is a disc that the strength of the pieces bears its force on; uniform pressure on it
+    resists by 2/3·μ·N·r. Else what is clamped between two corners would swing for ever. Rolling
+    resistance has stopped the spin of round pieces.
+    """
+    for r in contacts:
+        pressed, n = rows[r, _PUSHED], three(rows, r, _NORMAL)
+        i, j = ends[r, 0], ends[r, 1]
+        spin = dot(n, less(three(state, i, SPIN), three(state, j, SPIN)))
+        if pressed == 0.0 or spin == 0.0 or rows[r, _LEVER] > 0.0:
+            continue
+        radius = math.sqrt(pressed / (h * math.pi * _CRUSHES))
+        most = 2.0 / 3.0 * rows[r, _GRIP] * pressed * radius
+        stops = abs(spin) / dot(n, plus(eased(state, i, n), 1.0, eased(state, j, n)))
+        _turn_by(i, j, scaled(math.copysign(min(stops, most), -spin), n), state)
 
 
 @subroutine(**INLINE)
