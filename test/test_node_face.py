@@ -74,7 +74,8 @@ SERVICES = {
         (f'/sim/{name}' for name in (
             'gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
             'earthquake', 'grow', 'clear_wrenches', 'step_simulation', 'reset_simulation',
-            'reload_scene', 'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove', 'inspect')),
+            'reload_scene', 'cancel_reload', 'save_state', 'restore_state', 'spawn', 'remove',
+            'inspect')),
         'std_srvs/srv/Trigger'),
 }
 # What the displays of RViz draw.
