@@ -14,12 +14,17 @@
 
 """Command `export`: a scene as a file that another program reads."""
 
+import argparse
 from collections.abc import Sequence
 from pathlib import Path
 import sys
 
-from procphys_ros.errors import ProcPhysError
+from procphys_ros.errors import ExportError, ProcPhysError
+from procphys_ros.files.output_files import obstacle
+from procphys_ros.files.whole_files import write_whole
+from procphys_ros.language import TRANSLATED
 from procphys_ros.scene.named import open_scene
+from procphys_ros.scene.sources import locate, TREE_GRAMMAR
 from procphys_ros.terminal.argument_parser import add_grammar_options, number, OneLineParser
 from procphys_ros.terminal.progress_bar import ProgressBar
 from procphys_ros.terminal.warning_lines import print_warning, told_to
@@ -39,6 +44,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     from procphys_ros.export.formats import check_target, export, export_animation
 
     try:
+        if options.out.suffix == TREE_GRAMMAR:
+            return _write_grammar(options)
         check_target(options.out)
         with told_to(print_warning):
             scene = open_scene(options.scene, options.seed, dict(options.define))
@@ -58,12 +65,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _write_grammar(options: argparse.Namespace) -> int:
+    """Write a grammar for cpfg or L-Py in the language of L-systems."""
+    from procphys_ros.lsystem.translation import translated_text
+
+    given = options.seed is not None or options.define or options.animate or options.time
+    if not options.scene.endswith(TRANSLATED) or given:
+        raise ExportError(f'"{options.out}": what is written as {TREE_GRAMMAR} is a grammar '
+                          f'({", ".join(TRANSLATED)}), without any option')
+    if reason := obstacle(options.out):
+        raise ExportError(f'"{options.out}" cannot be written: {reason}')
+    with told_to(print_warning):
+        text = translated_text(locate(options.scene, 'scene', Path()))
+    write_whole(options.out, text.encode())
+    print(f'{options.out}: a grammar of {text.count(chr(10))} lines, {_size(options.out)}')
+    return 0
+
+
 def _parser() -> OneLineParser:
     parser = OneLineParser(prog='export', description=(
         'Write a scene as a file for other programs: USD (.usda, .usdc), MuJoCo (.xml), '
-        'URDF (.urdf), Gazebo (.sdf), glTF (.glb).'))
+        'URDF (.urdf), Gazebo (.sdf), glTF (.glb); or a grammar of cpfg or L-Py as .lsys.'))
     parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
-                        'grammar (.lsys, .wall, .mech) or scanned tree (.csv, .mtg, .ply)')
+                        'grammar (.lsys, .wall, .mech, .l, .lpy) or scanned tree (.csv, '
+                        '.mtg, .ply)')
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')
     when = parser.add_mutually_exclusive_group()

@@ -26,7 +26,8 @@ from procphys_ros.language.place import Place
 from procphys_ros.language.syntax import read_text, shorten
 from procphys_ros.schema import short
 
-_GRAMMARS = ('.lsys', '.wall', '.mech')
+TRANSLATED = ('.l', '.lpy')  # of L-systems in the languages of cpfg and L-Py
+_GRAMMARS = ('.lsys', '.wall', '.mech', *TRANSLATED)
 MOST_INCLUDES = 32  # files that one grammar may include, directly or indirectly
 
 
@@ -46,7 +47,8 @@ def find_grammar(path: str | Path) -> Path:
 
 
 def read_include(name: str, folder: Path | None, place: Place,
-                 seen: Collection[Path]) -> tuple[Path, str] | None:
+                 seen: Collection[Path],
+                 endings: tuple[str, ...] = _GRAMMARS) -> tuple[Path, str] | None:
     """
     Read a file that a grammar includes.
 
@@ -54,6 +56,7 @@ def read_include(name: str, folder: Path | None, place: Place,
     :param folder: of the including grammar, searched first; None = unknown.
     :param place: of the include.
     :param seen: files included already; each is included once.
+    :param endings: of the files that may be included.
     :returns: path and text; None when it was included before.
     :raises GrammarError: when the file cannot be included, or there are too many.
     """
@@ -67,9 +70,9 @@ def read_include(name: str, folder: Path | None, place: Place,
             found = path.resolve(strict=True)
         except OSError:
             continue
-        if found.suffix not in _GRAMMARS and not found.is_dir():
+        if found.suffix not in endings and not found.is_dir():
             raise place.error(f'"{shorten(name)}" cannot be included: grammars end in '
-                              f'{", ".join(_GRAMMARS)}')
+                              f'{", ".join(endings)}')
         if found in seen:
             return None
         if len(seen) >= MOST_INCLUDES:

@@ -48,6 +48,7 @@ class CompiledGrammar(NamedTuple):
     :ivar steps: derivation length, None = not given.
     :ivar angle: default angle [degrees], None = not given.
     :ivar depth: of interpretation, None = not given.
+    :ivar unit: of its lengths [m], None = not given.
     :ivar textures: names of the textures.
     :ivar derivation: its rules.
     :ivar origins: place and name of every module that it writes.
@@ -60,6 +61,7 @@ class CompiledGrammar(NamedTuple):
     steps: Expression | None
     angle: Expression | None
     depth: Expression | None
+    unit: Expression | None
     textures: tuple[str, ...]
     derivation: Derivation
     origins: list[tuple[Place, str]]
@@ -190,7 +192,7 @@ def compile_grammar(text: str, source: str, max_modules: int,
     return CompiledGrammar(
         source, reader.name(), defines, reader.value('derivation length', names),
         reader.value('angle', names), reader.value('maximum depth', names),
-        reader.textures(),
+        reader.value('unit', names), reader.textures(),
         Derivation(start, compiler.vocabulary, *sets), compiler.origins,
         (text, source, max_modules, folder))
 

@@ -30,7 +30,7 @@ from procphys_ros.lsystem import walk
 from procphys_ros.lsystem.compiler import CompiledGrammar
 from procphys_ros.lsystem.drawing import HEAD
 from procphys_ros.lsystem.modules import Modules
-from procphys_ros.lsystem.symbols import FRAME_QUERIES
+from procphys_ros.lsystem.symbols import FRAME_QUERIES, UNIT
 from procphys_ros.lsystem.turtle_reader import Drawing, Turtle
 from procphys_ros.schema import short
 
@@ -207,7 +207,14 @@ class Growth:
         angle = self._grammar.angle
         return Turtle(self._grammar.origins, self._grammar.source,
                       None if angle is None else angle.number(self._values, generator),
-                      self._grammar.textures)
+                      self._grammar.textures, self._read_unit(generator))
+
+    def _read_unit(self, generator: np.random.Generator) -> float:
+        unit = self._grammar.unit
+        value = 1.0 if unit is None else unit.number(self._values, generator)
+        if unit is not None and not UNIT.holds(np.asarray(value)):
+            raise unit.place.error(f'the unit is {value:g}, it must be {UNIT}')
+        return value
 
     def _read_length(self, steps: int | None) -> int:
         if steps is None:

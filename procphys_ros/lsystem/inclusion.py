@@ -17,7 +17,7 @@
 
 from pathlib import Path
 
-from procphys_ros.language import Place, read_include, shorten
+from procphys_ros.language import Place, read_include, shorten, TRANSLATED
 from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Statement
 
 _TAKEN = ('module', 'define', 'curve', *RULE_SECTIONS)
@@ -37,8 +37,17 @@ def gather_statements(text: str, source: str, folder: Path | None = None) -> lis
     return _gather(text, source, folder, {Path(shorten(source)).resolve()})
 
 
+
+def _statements(text: str, source: str, folder: Path | None) -> list[Statement]:
+    """Cut a text into statements, in the language that its name ends in."""
+    if source.endswith(TRANSLATED):
+        from procphys_ros.lsystem.translation import translate  # takes as long as all the rest
+        return translate(text, source, folder)
+    return split_statements(text, source)
+
+
 def _gather(text: str, source: str, folder: Path | None, seen: set[Path]) -> list[Statement]:
-    own = split_statements(text, source)
+    own = _statements(text, source, folder)
     result = list(own)
     for statement in own:
         if statement.section != 'include':

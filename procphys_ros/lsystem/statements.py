@@ -18,11 +18,13 @@
 import re
 from typing import NamedTuple
 
+from lark import Tree
+
 from procphys_ros.errors import nearest_names
 from procphys_ros.language import Place, shorten
 from procphys_ros.lsystem.dialects import check_line
 
-ONE_LINE = ('name', 'derivation length', 'angle', 'maximum depth')
+ONE_LINE = ('name', 'derivation length', 'angle', 'unit', 'maximum depth')
 _SEVERAL_LINES = ('include', 'axiom', 'define', 'module', 'ignore', 'consider', 'textures',
                   'curve')
 RULE_SECTIONS = ('production', 'decomposition', 'interpretation')
@@ -43,12 +45,14 @@ class Statement(NamedTuple):
     :ivar text: without header and comments; columns are those of the file.
     :ivar line: line of the file on which the text begins.
     :ivar source: name of the file.
+    :ivar tree: read already, from the language of another tool; None = the text is to be read.
     """
 
     section: str
     text: str
     line: int
     source: str
+    tree: Tree | None = None
 
 
 def split_statements(text: str, source: str) -> list[Statement]:

@@ -93,6 +93,7 @@ _DAMPING = Range(0.0, 1e15, 'N·m·s/rad')
 LENGTH = Range(1e-4, 1000.0, 'm')           # of one segment
 STEP = Range(-1000.0, 1000.0, 'm')          # of `f`, which may go backwards
 LEAF_SIZE = Range(1e-4, 100.0, 'm')
+UNIT = Range(1e-6, 1e6, 'm')              # in which a grammar gives its lengths
 RATE = Range(0.0, 1000.0)
 ANGLE = Range(-1e9, 1e9, 'degrees')
 TROPISM = Range(-1e6, 1e6)

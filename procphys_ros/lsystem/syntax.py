@@ -25,7 +25,7 @@ from procphys_ros.language.parsers import make_parser
 from procphys_ros.lsystem.dialects import SYMBOLS
 from procphys_ros.lsystem.statements import Statement
 
-_GRAMMAR = r"""
+STATEMENT_GRAMMAR = r"""
 rule: head [":" (expression | ANYTHING)] ARROW successor [":" expression]
 head: pattern
     | pattern "<" pattern -> left_head
@@ -49,15 +49,17 @@ curve: NAME ":" point point+
 point: _OPEN expression _COMMA expression _CLOSE
 
 ARROW.4: /-{1,2}>/
-WORD: /[A-Za-z0-9][A-Za-z0-9_]*/
 ASKED.5: /\?E\s*\(\s*[A-Za-z_]+\s*;/
-SYMBOL: /@[A-Za-z]*|\?[A-Z]?|[-+&^\\\/|$!%.'~{}]/
 ANYTHING: "*"
 BRACKET.3: "[" | "]" | "=]"
 %ignore /\s+/
+"""  # of which each dialect has its own modules
+_MODULES = r"""
+WORD: /[A-Za-z0-9][A-Za-z0-9_]*/
+SYMBOL: /@[A-Za-z]*|\?[A-Z]?|[-+&^\\\/|$!%.'~{}]/
 """
 
-_WORDS = {
+MODULE_WORDS = {
     'ARROW': '"->"', 'WORD': 'a module', 'SYMBOL': 'a module', 'ASKED': 'a module',
     'ANYTHING': '"*"', 'BRACKET': 'a bracket', 'COLON': '":"', 'EQUAL': '"="', 'LESSTHAN': '"<"',
     'MORETHAN': '">"',
@@ -66,15 +68,15 @@ _START = {
     'axiom': 'axiom', 'production': 'rule', 'decomposition': 'rule', 'interpretation': 'rule',
     'define': 'defines', 'module': 'names', 'textures': 'names', 'ignore': 'symbols',
     'consider': 'symbols', 'curve': 'curve', 'derivation length': 'value', 'angle': 'value',
-    'maximum depth': 'value',
+    'unit': 'value', 'maximum depth': 'value',
 }
+STARTS = sorted(set(_START.values()))
 _KEPT = 1000  # cached trees of statements, which reloads, batch runs and variants share
 
 
 @cache
 def _parser() -> Lark:
-    return make_parser(__name__, _GRAMMAR + EXPRESSION_GRAMMAR,
-                       start=sorted(set(_START.values())))
+    return make_parser(__name__, STATEMENT_GRAMMAR + _MODULES + EXPRESSION_GRAMMAR, start=STARTS)
 
 
 @lru_cache(_KEPT)
@@ -90,12 +92,14 @@ def parse_statement(statement: Statement) -> Tree:
     :returns: its tree, shared by all equal statements, read-only.
     :raises GrammarError: saying what was found and what was expected.
     """
+    if statement.tree is not None:
+        return statement.tree
     try:
         return _tree(statement.text, _START[statement.section])
     except UnexpectedInput as problem:
-        error = syntax_error(problem, statement.source, statement.line, _WORDS)
+        error = syntax_error(problem, statement.source, statement.line, MODULE_WORDS)
         answer = SYMBOLS.get(getattr(problem, 'char', ''))
-        if answer and _WORDS['WORD'] in error.message:
+        if answer and MODULE_WORDS['WORD'] in error.message:
             error = Place(error.source, error.line, error.column).error(
                 f'{error.message}; {answer}')
         raise error from None

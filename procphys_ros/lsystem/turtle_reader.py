@@ -28,8 +28,10 @@ from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.symbols import (
     ARGUMENT_RANGES,
     arity_message,
+    ATTRIBUTE_INDEX,
     ATTRIBUTES,
     LEAF_SIZE,
+    LENGTH,
     Op,
     Range,
     REACH,
@@ -41,6 +43,7 @@ from procphys_ros.lsystem.symbols import (
 DEFAULT_TEXTURES = ('bark', 'leaf')
 _DEEPEST = 10_000  # nested brackets; the turtle's whole state is kept for each
 _NOTHING = Symbol(Op.NOTHING, ())
+_WIDTH = HEAD + walk.VALUES + ATTRIBUTE_INDEX['Width']
 
 
 @dataclass(frozen=True)
@@ -52,12 +55,14 @@ class Turtle:
     :ivar source: name of the grammar.
     :ivar angle: of turns without a parameter [degrees]; None = such turns are refused.
     :ivar textures: names of the grammar's textures; empty = the default ones.
+    :ivar unit: of all lengths in the grammar [m].
     """
 
     origins: Sequence[tuple[Place, str]]
     source: str
     angle: float | None
     textures: tuple[str, ...] = ()
+    unit: float = 1.0
 
     def draw(self, modules: Modules) -> Drawing:
         """
@@ -102,10 +107,21 @@ class Turtle:
         if fault:
             raise self._error(modules, at, walk.FAULTS[fault])
         found = tuple(table[:count] for table, count in zip(tables[:5], filled))
+        self._scale_to_metres(*found)
         segments, pieces, leaves, triangles, queries = found
         self._check_segments(modules, segments)
         self._check_reach(modules, segments, leaves, pieces, triangles, queries)
         return found
+
+    def _scale_to_metres(self, *tables: np.ndarray) -> None:
+        """Scale lengths, sizes, widths and places, which the walk takes as they are written."""
+        if self.unit == 1.0:
+            return
+        segments, pieces, leaves, triangles, queries = tables
+        for table in (segments, pieces, leaves, queries):
+            table[:, 2:HEAD + 3] *= self.unit
+            table[:, _WIDTH] *= self.unit
+        triangles[:, 3:] *= self.unit
 
     def _tables(self, op: np.ndarray) -> tuple:
         """
@@ -134,6 +150,8 @@ class Turtle:
     def _check(self, modules: Modules, rows: np.ndarray, values: np.ndarray,
                allowed: Range) -> None:
         """Check that values, one for each row, lie in a range."""
+        if allowed.unit == 'm':
+            values = values * self.unit
         wrong = np.flatnonzero(~allowed.holds(values))
         if len(wrong):
             raise self._error(modules, int(rows[wrong[0]]),
@@ -179,8 +197,12 @@ class Turtle:
                 f'number {allowed}' + (f' ({", ".join(self.textures)})' if self.textures else ''))
 
     def _check_segments(self, modules: Modules, segments: np.ndarray) -> None:
-        """Check that rates have not driven values out of range."""
+        """Check lengths in metres, and that rates have not driven values out of range."""
         rows = segments[:, 1].astype(np.int64)
+        short = np.flatnonzero(~LENGTH.holds(segments[:, 2]))
+        if len(short):
+            raise self._error(modules, int(rows[short[0]]), f'is {segments[short[0], 2]:g} m '
+                              f'long, it must be {LENGTH}; check the unit')
         for index, attribute in enumerate(ATTRIBUTES):
             values = segments[:, HEAD + walk.VALUES + index]
             wrong = ~attribute.allowed.holds(values)

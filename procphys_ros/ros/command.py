@@ -27,7 +27,7 @@ from typing import Any
 from procphys_ros.command_line import answers, Description, read, script
 from procphys_ros.command_line.completion import memory, remember
 from procphys_ros.command_line.values import parse, show
-from procphys_ros.errors import CommandError, nearest_names, SceneError
+from procphys_ros.errors import CommandError, GrammarError, nearest_names, SceneError
 from procphys_ros.terminal.argument_parser import split_words
 from procphys_ros.terminal.interruption import raising
 
@@ -145,11 +145,19 @@ def _explode(remote: Any, said: argparse.Namespace) -> None:
 
 
 def _text_of(grammar: Path) -> str:
-    """Read a file of the user's that the node may not reach; '' = no such file."""
+    """Read a file of the user's that the node may not reach, in our language; '' = no such."""
+    from procphys_ros.language import TRANSLATED
     if not grammar.is_file():
         return ''
     try:
+        if grammar.suffix in TRANSLATED:
+            from procphys_ros.lsystem.translation import translated_text
+            from procphys_ros.terminal.warning_lines import print_warning, told_to
+            with told_to(print_warning):
+                return translated_text(grammar)
         return grammar.read_text('utf-8-sig')
+    except GrammarError as error:
+        raise CommandError(str(error)) from None
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, 'strerror', None) or 'it is not UTF-8 text'
         raise CommandError(f'{grammar}: {reason}') from None

@@ -23,7 +23,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.files.file_bounds import named_by, outside
 from procphys_ros.files.resources import shared_folder
-from procphys_ros.language import check_length, shorten
+from procphys_ros.language import check_length, shorten, TRANSLATED
 from procphys_ros.lsystem import LSystem
 
 if TYPE_CHECKING:
@@ -33,9 +33,10 @@ if TYPE_CHECKING:
 
     Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar]
 
-_LSYSTEM, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
+TREE_GRAMMAR, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
 SCANS = ('.csv', '.mtg', '.ply')  # of trees
-GRAMMARS = (_LSYSTEM, _WALL, _MECHANISM, *SCANS)
+_LANGUAGES = (TREE_GRAMMAR, _WALL, _MECHANISM, *TRANSLATED)
+GRAMMARS = (*_LANGUAGES, *SCANS)
 _WORDS = {'building': _WALL, 'mechanism': _MECHANISM}  # that begin texts of these languages
 _PACKAGE = 'package://procphys_ros/'
 
@@ -70,10 +71,9 @@ def _language_of(name: str, key: str,
     if path.suffix in SCANS:
         from procphys_ros.scans import ScannedTree
         return ScannedTree
-    if path.suffix not in (_LSYSTEM, _WALL, _MECHANISM):
+    if path.suffix not in _LANGUAGES:
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; grammars end in '
-                         f'{_LSYSTEM}, {_WALL} or {_MECHANISM}, scanned trees in '
-                         f'{", ".join(SCANS)}')
+                         f'{", ".join(_LANGUAGES)}, scanned trees in {", ".join(SCANS)}')
     return _language(path.suffix)
 
 
@@ -90,12 +90,12 @@ def parse_grammar(text: str, key: str) -> Grammar:
     found = (_WORDS[word[0]] for word in words if word and word[0] in _WORDS)
     bare = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
     with named_by(key, text):
-        return _language(next(found, _LSYSTEM)).parse(bare, source=key)
+        return _language(next(found, TREE_GRAMMAR)).parse(bare, source=key)
 
 
 def _language(suffix: str) -> 'Language':
     """Choose a language; all but the first take a tenth of all imports: only on demand."""
-    if suffix == _LSYSTEM:
+    if suffix == TREE_GRAMMAR or suffix in TRANSLATED:
         return LSystem
     if suffix == _MECHANISM:
         from procphys_ros.mechanism import MechanismGrammar
@@ -129,7 +129,7 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
     if refused and Path(name).name != name:  # a mere name is more likely misspelt
         raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {refused}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
-                   if p.suffix in (_LSYSTEM, _WALL, _MECHANISM, PLAN))
+                   if p.suffix in (*_LANGUAGES, PLAN))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
 
