@@ -255,3 +255,114 @@ panel thick: stout
 panel hole: none
 panel arch: arch({shape}, {rings})
 """
+
+
+class RandomRule(NamedTuple):
+    """
+    One production, apart from any notation.
+
+    :ivar left, right: contexts, name and parameters; '' = none.
+    :ivar name, formals: of the module that is replaced.
+    :ivar condition: in signs that all notations share; '' = none.
+    :ivar successor: modules, name and expressions.
+    :ivar weight: 0 = none.
+    """
+
+    left: str
+    name: str
+    formals: str
+    right: str
+    condition: str
+    successor: tuple[tuple[str, str], ...]
+    weight: int
+
+
+_NUMBERS = ('0.5', '1', '2', '0.25', 'K')
+
+
+def _term(rng: np.random.Generator, names: str, depth: int = 2) -> str:
+    """Draw an expression of names and numbers that no notation reads differently."""
+    if not depth or not rng.integers(3):
+        return _pick(rng, (*names, *_NUMBERS))
+    left, right = (_term(rng, names, depth - 1) for _ in range(2))
+    return f'({left}{_pick(rng, ("+", "-", "*"))}{right})'
+
+
+def _modules(rng: np.random.Generator, names: str, branches: int) -> list[tuple[str, str]]:
+    result: list[tuple[str, str]] = []
+    for _ in range(rng.integers(1, 4)):
+        letter = _pick(rng, ('A', 'B', 'C', 'F', '+', '&', '/', '\\'))
+        count = 2 if letter == 'B' else letter != 'C'
+        result.append((letter, ','.join(_term(rng, names) for _ in range(count))))
+    if branches and rng.integers(2):
+        inner = _modules(rng, names, branches - 1)
+        result = [*result, ('[', ''), *inner, (']', ''), *_modules(rng, names, 0)]
+    return result
+
+
+def draw_productions(rng: np.random.Generator, weighted: bool) -> list[RandomRule]:
+    """
+    Draw the productions of an L-system with the modules A(a), B(a, b), C and F(l).
+
+    :param weighted: whether some are drawn by weight.
+    """
+    rules = []
+    for _ in range(rng.integers(3, 7)):
+        name = _pick(rng, ('A', 'B', 'C'))
+        formals = {'A': 'x', 'B': 'xy', 'C': ''}[name]
+        left = _pick(rng, (*[''] * 6, 'A(p)', 'C', 'F(p)'))
+        right = _pick(rng, (*[''] * 6, 'A(q)', 'C', 'F(q)'))
+        known = formals + 'p' * ('(' in left) + 'q' * ('(' in right)
+        condition = ''
+        if known and rng.integers(2):
+            condition = f'{known[0]}{_pick(rng, ("<", ">", "<=", "!="))}{_term(rng, known)}'
+        again = rng.integers(1, 3) if weighted else 1
+        for weight in range(again):
+            rules.append(RandomRule(left, name, formals, right, condition,
+                                    tuple(_modules(rng, known, 1)), (weight + 1) * (again > 1)))
+    return rules
+
+
+def _string(modules: Sequence[tuple[str, str]], names: dict[str, str]) -> str:
+    return ''.join(names.get(name, name) + (f'({given})' if given else '')
+                   for name, given in modules)
+
+
+def _head(rule: RandomRule) -> str:
+    own = f'{rule.name}({",".join(rule.formals)})' if rule.formals else rule.name
+    return (f'{rule.left} < ' if rule.left else '') + own + (
+        f' > {rule.right}' if rule.right else '')
+
+
+AXIOM = (('A', '1'), ('F', '2'), ('[', ''), ('B', '1,K'), ('C', ''), (']', ''), ('C', ''),
+         ('A', '0.5'))
+
+
+def as_lsys(rules: Sequence[RandomRule], steps: int) -> str:
+    """Write productions in our language, without wood."""
+    lines = [f'{_head(rule)}{rule.condition and " : " + rule.condition} -> '
+             f'{_string(rule.successor, {})}{f" : {rule.weight}" if rule.weight else ""}'
+             for rule in rules]
+    return '\n'.join(['define: K = 3', f'derivation length: {steps}', 'ignore: + & / \\',
+                      f'axiom: {_string(AXIOM, {})}', 'production:', *lines])
+
+
+def as_cpfg(rules: Sequence[RandomRule], steps: int) -> str:
+    """Write productions for cpfg, with labels, comments and successors over two lines."""
+    lines = [f'p{number}: {_head(rule)}{rule.condition and " : " + rule.condition} --> /* to */\n'
+             f'\t{_string(rule.successor, {})}{f" : {rule.weight}" if rule.weight else ""}'
+             for number, rule in enumerate(rules, 1)]
+    return '\n'.join(['#define K 3 // a number', f'#define STEPS {steps}', 'Lsystem: 1',
+                      'derivation length: STEPS', 'ignore: +&/\\',
+                      f'Axiom: {_string(AXIOM, {})}', *lines, 'endlsystem', ''])
+
+
+def as_lpy(rules: Sequence[RandomRule], steps: int) -> str:
+    """Write productions without weights for L-Py, where rolls turn the other way."""
+    rolls, lines = {'/': '\\', '\\': '/'}, []
+    for rule in rules:
+        successor = _string(rule.successor, rolls)
+        lines += [f'{_head(rule)}:', f'  if {rule.condition}:', f'    produce {successor}'] \
+            if rule.condition else [f'{_head(rule)} --> {successor}']
+    return '\n'.join(['K = 3', f'Axiom: {_string(AXIOM, rolls)}', f'derivation length: {steps}',
+                      'ignore: +&/\\', 'production:', *lines, 'endlsystem', ''])

@@ -15,8 +15,10 @@
 """Translation: grammars written for cpfg (`.l`) and L-Py (`.lpy`), read as those of our own."""
 
 from pathlib import Path
+import warnings
 
 from procphys_ros.language import check_length, read_text
+from procphys_ros.lsystem.compiler import compile_grammar
 from procphys_ros.lsystem.statements import Statement
 from procphys_ros.lsystem.translation.cpfg import read_cpfg
 from procphys_ros.lsystem.translation.lpy import read_lpy
@@ -47,5 +49,9 @@ def translated_text(path: Path) -> str:
     :param path: of a grammar for cpfg (`.l`) or L-Py (`.lpy`).
     :raises GrammarError: for what cannot be read.
     """
-    statements = translate(read_text(path), str(path), path.absolute().parent)
+    text, source, folder = read_text(path), str(path), path.absolute().parent
+    compile_grammar(text, source, 1, folder)  # tells what cannot be read in the words of the file
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')
+        statements = translate(text, source, folder)
     return write_statements(statements, f'translated from {path.name}')

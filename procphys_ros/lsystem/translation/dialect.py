@@ -97,8 +97,6 @@ _ANSWERS = {
     'if': 'choices "a if c else b" are not read: write two rules with conditions',
     'lambda': 'functions of Python are not read', '"': 'texts as parameters are not read',
     "'": 'texts as parameters are not read',
-    '<': 'contexts "<<" and ">>", which look at the new string, are not read',
-    '>': 'contexts "<<" and ">>", which look at the new string, are not read',
     '=': 'only values are read, and no parameters by name',
 }
 
@@ -111,12 +109,13 @@ def _altered(grammar: str, *changes: tuple[str, str]) -> str:
     return grammar
 
 
-# Both write `A()` for `A` as well.
+# Both write `A()` for `A` as well, and consider brackets, as contexts always do here.
 _STATEMENTS = _altered(
     STATEMENT_GRAMMAR,
     ('named [_OPEN NAME (_COMMA NAME)* _CLOSE]', 'named [_OPEN [NAME (_COMMA NAME)*] _CLOSE]'),
     ('module: named [_OPEN expression (_COMMA expression)* _CLOSE]',
-     'module: named [_OPEN [expression (_COMMA expression)*] _CLOSE]'))
+     'module: named [_OPEN [expression (_COMMA expression)*] _CLOSE]'),
+    ('symbols: (WORD | SYMBOL)*', 'symbols: (WORD | SYMBOL | BRACKET)*'))
 CPFG_DIALECT = Dialect(
     'cpfg', r"""
 WORD: /[A-Za-z0-9]/

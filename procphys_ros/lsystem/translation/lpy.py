@@ -30,11 +30,12 @@ _SECTION = re.compile(r'(production|decomposition|interpretation|homomorphism)s?
 _SETTING = re.compile(r'(axiom|derivation\s+length|maximum\s+depth|ignore|consider|module)\b\s*:?',
                       re.IGNORECASE)
 _GROUP = re.compile(r'(group\s+\d+\s*:|endgroup)\s*$')
-_END = re.compile(r'endlsystem\b|###### INITIALISATION ######')
+_END = re.compile(r'^(endlsystem\b|###### INITIALISATION ######)', re.MULTILINE)
 _ASSIGNED = re.compile(r'([A-Za-z_]\w*)\s*=(?!=)')
-_IMPORT = re.compile(r'(import|from)\s')
+_LEFT_OUT = re.compile(r'(import|from)\s|(\w+\.)?seed\(')
 _QUOTED = re.compile(r'("""|\'\'\').*?(?:\1|\Z)', re.DOTALL)
 _COMMENT = re.compile(r'(?<!@)#.*')
+_NEWER = re.compile(r'<<|>>')
 _PRODUCE = re.compile(r'produce\b')
 _CLAUSE = re.compile(r'(if|elif|else)\b')
 _STARTS = {'axiom': 'axiom', 'ignore': 'symbols', 'consider': 'symbols'}
@@ -44,7 +45,7 @@ _PLAIN = ('only plain productions are read, "A(l) --> F(l)", and rules of "if", 
 
 class _Line(NamedTuple):
     """
-    One line, or several that brackets join.
+    One line, or several that are joined.
 
     :ivar text: without comments, in its columns.
     :ivar number: of the first line.
@@ -59,7 +60,7 @@ class _Line(NamedTuple):
 
 
 def _lines(text: str) -> list[_Line]:
-    """Join the lines of the text where brackets or a backslash do, up to its end of rules."""
+    """Join the lines of the text where brackets do, up to the end of its rules."""
     blank = _QUOTED.sub(lambda found: re.sub(r'[^\n]', ' ', found[0]), text)
     result: list[_Line] = []
     buffer, begun = '', 0
@@ -67,10 +68,9 @@ def _lines(text: str) -> list[_Line]:
         if _END.match(line):
             break
         line = _COMMENT.sub('', line).rstrip()
-        goes_on = line.endswith('\\') and not line.endswith('\\\\')
         begun = begun or number
-        buffer += line[:-1] if goes_on else line
-        if goes_on or sum(buffer.count(one) for one in '([') > sum(
+        buffer += line
+        if sum(buffer.count(one) for one in '([') > sum(
                 buffer.count(one) for one in ')]'):
             buffer += '\n'
             continue
@@ -114,7 +114,7 @@ class _LpyReader:
                 self._rule(line)
             elif assigned := _ASSIGNED.match(text):
                 self._define(line, assigned, place)
-            elif _IMPORT.match(text):
+            elif _LEFT_OUT.match(text):
                 place.warn(f'"{text}" is left out: nothing of Python is run')
             else:
                 raise place.error(f'found "{text[:20]}"; {_PLAIN}')
@@ -122,6 +122,10 @@ class _LpyReader:
     def _parse(self, start: str, line: _Line, first: int = 0) -> Tree:
         """Read a text whose places are counted from a first line, its own unless one is given."""
         first = first or line.number
+        newer = _NEWER.search(line.text) if start == 'rule' else None
+        if newer:
+            raise Place(self._source, line.number, newer.start() + 1).error(
+                'contexts "<<" and ">>", which look at the new string, are not read')
         padded = '\n' * (line.number - first) + line.text
         return LPY_DIALECT.read(start, padded, Place(self._source, first))
 
@@ -132,7 +136,10 @@ class _LpyReader:
         """Read one setting."""
         rest = _Line(' ' * (line.indent + end) + line.text[line.indent + end:], line.number)
         if word == 'module':
-            names = re.sub(r'\([^)]*\)', '', rest.text).replace(',', ' ').split()
+            words, _, scale = re.sub(r'\([^)]*\)', '', rest.text).partition(':')
+            names = words.replace(',', ' ').split()
+            if scale:
+                place.warn('scales and bases of modules are left out')
             for name in names:
                 if not name.isalnum():
                     raise place.error(f'"{name[:20]}" is no name of a module; names are of '
@@ -240,8 +247,8 @@ def read_lpy(text: str, source: str) -> list[Statement]:
     """
     reader = _LpyReader(source, _lines(text))
     reader.read()
-    rest = re.split(r'^endlsystem\b.*$', text, maxsplit=1, flags=re.MULTILINE)
-    if len(rest) > 1 and rest[1].strip() or '###### INITIALISATION ######' in text:
-        Place(source, text.count('\n', 0, len(text) - len(rest[-1])) + 1).warn(
+    end = _END.search(text)
+    if end and text[end.end():].strip():
+        Place(source, text.count('\n', 0, end.start()) + 1, 1).warn(
             'what follows the rules is left out: nothing of Python is run')
     return Translator(LPY_DIALECT, source, reader.declared).translate(reader.found)

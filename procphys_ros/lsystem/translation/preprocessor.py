@@ -86,11 +86,14 @@ class Preprocessor:
         :raises GrammarError: for directives that are not read, and endless expansions.
         """
         self._seen.add(Path(self.source).resolve())
-        found = list(self._directives(text))
-        result = [self._expand(line, number) for number, line in enumerate(found, 1)]
-        if sum(map(len, result)) > LONGEST_TEXT:
-            raise GrammarError(f'the grammar has more than {LONGEST_TEXT} characters once its '
-                               'defines are replaced', self.source)
+        result, length = [], 0
+        for number, line in enumerate(list(self._directives(text)), 1):
+            result.append(self._expand(line, number))
+            length += len(result[-1])
+            if length > LONGEST_TEXT:
+                raise Place(self.source, number).error(
+                    f'the grammar has more than {LONGEST_TEXT} characters once its defines are '
+                    'replaced')
         return result
 
     def _directives(self, text: str) -> Iterator[str]:
