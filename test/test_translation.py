@@ -25,8 +25,11 @@ from random_grammars import as_cpfg, as_lpy, as_lsys, draw_productions
 from procphys_ros.errors import GrammarError, GrammarWarning
 from procphys_ros.export.command import main as export
 from procphys_ros.files.file_bounds import FileBounds, within
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.lsystem import LSystem
+from procphys_ros.lsystem.inclusion import gather_statements
 from procphys_ros.lsystem.symbols import SYMBOLS
+from procphys_ros.lsystem.writing import write_statements
 from procphys_ros.scene import Scene
 
 pytestmark = pytest.mark.filterwarnings('ignore::procphys_ros.errors.GrammarWarning')
@@ -275,8 +278,8 @@ def test_turtles_go_the_same_way(program):
     """Stand where the other program's turtle does, in its axes turned into ours."""
     rng = np.random.default_rng(4)
     turns = [(rng.choice(list('+-&^/\\')), float(rng.integers(5, 60))) for _ in range(12)]
-    string = ''.join(f'{sign}({angle}){"F(1)"}' for sign, angle in turns)
-    read, x, y, z = (_cpfg, -1, 2, 1) if program == 'cpfg' else (_lpy, -2, 0, 2)
+    string = ''.join(f'{sign}({angle})F(1)' for sign, angle in turns)
+    read = _cpfg if program == 'cpfg' else _lpy
     start = 'Lsystem: 1\n' * (program == 'cpfg')
     built = read(f'{start}derivation length: 0\nAxiom: {string}\n').build().poses[:, :3]
     own = _places(turns, program)
@@ -493,6 +496,17 @@ def test_export_writes_the_translation(tmp_path, name, capsys):
     assert export([str(path), '--out', str(out), '--seed', '3']) == 1
     assert export(['oak.lsys', '--out', str(out)]) == 1
     assert 'is a grammar (.l, .lpy)' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('name', ['oak', 'pine', 'willow', 'ivy', 'abop_2_8', 'hedge'])
+def test_what_is_written_reads_the_same(name):
+    """Write a shipped grammar, and derive the same string from what was written."""
+    path = shared_folder() / 'grammars' / f'{name}.lsys'
+    wanted = LSystem.load(path)
+    statements = gather_statements(path.read_text('utf-8'), str(path))
+    found = LSystem.parse(write_statements(statements, name))
+    assert found.defines == wanted.defines
+    assert str(found.interpret(4, seed=1)) == str(wanted.interpret(4, seed=1))
 
 
 def test_spawning_sends_the_translation(tmp_path):

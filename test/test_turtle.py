@@ -15,6 +15,8 @@
 
 """The turtle: movement, the physics of segments, leaves, ornaments and what it refuses."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -54,6 +56,27 @@ def test_paper_example():
 def test_turns(turn, direction):
     """Turn about up, left and heading, starting upright with left along x and up along y."""
     assert _directions(turn + 'F') == pytest.approx(np.array([direction]), abs=1e-12)
+
+
+def test_unit_of_length():
+    """Draw in centimetres what is drawn in metres: segments, widths, leaves, polygons, moves."""
+    axiom = 'axiom: !({0}) F({1}) [ &(30) ~({2}) G({1}) ] {{ f({0}) +(90) f({2}) }} f({0}) F({1})'
+    metres = LSystem.parse(axiom.format(0.1, 1, 0.4)).build()
+    found = LSystem.parse('unit: 0.01\n' + axiom.format(10, 100, 40)).build()
+    for name in ('poses', 'bond_frame', 'bond_extent', 'mass', 'leaf_area'):
+        np.testing.assert_allclose(getattr(found, name), getattr(metres, name), atol=1e-12)
+    np.testing.assert_allclose(found.leaves.size, metres.leaves.size)
+    np.testing.assert_allclose(found.leaves.pose, metres.leaves.pose, atol=1e-12)
+    np.testing.assert_allclose(found.ornaments.triangle, metres.ornaments.triangle, atol=1e-12)
+
+
+@pytest.mark.parametrize('unit, words', [
+    ('0', 'the unit is 0, it must be from 1e-06 to 1e+06 m'),
+    ('0.00001', 'F is 1e-05 m long'), ('2000', 'F is 2000 m long')])
+def test_units_that_cannot_be(unit, words):
+    """Refuse units that leave no length within its range, also where no length is written."""
+    with pytest.raises(GrammarError, match=re.escape(words)):
+        LSystem.parse(f'unit: {unit}\naxiom: F').build()
 
 
 def test_default_angle():

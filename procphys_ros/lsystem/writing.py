@@ -34,7 +34,7 @@ def write_statements(statements: Sequence[Statement], comment: str) -> str:
     """
     Write an L-system: settings first, then the rules of each section.
 
-    :param statements: of one text, without includes.
+    :param statements: of one text, without includes and curves.
     :param comment: of the first line.
     """
     lines = [f'# {comment}']
@@ -49,7 +49,7 @@ def write_statements(statements: Sequence[Statement], comment: str) -> str:
 
 
 def _body(statement: Statement) -> str:
-    if statement.section in ('name', 'include'):
+    if statement.section == 'name':
         return statement.text.strip()
     tree = parse_statement(statement)
     if statement.section in RULE_SECTIONS:
