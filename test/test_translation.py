@@ -70,6 +70,10 @@ _PAIRS = {
     'signs before powers, powers to the left': (
         _cpfg, 'Lsystem: 1\nderivation length: 0\nAxiom: F(-2^2)F(2^3^2)F(2^-1)\n',
         f'{_HEAD} F(4)F(64)F(0.5)\nderivation length: 0'),
+    'comments and rolls': (
+        _cpfg, '// of a line\n/* of\n two */Lsystem: 1\nderivation length: 0\n'
+        'Axiom: F//(30)F[F]//F // to the end\n',
+        f'{_HEAD} F//(30)F[F]//F\nangle: 45\nderivation length: 0'),
     'functions': (
         _cpfg, 'Lsystem: 1\nderivation length: 0\nAxiom: F(sin(90))F(fabs(-2))F(trunc(2.6))'
         'F(2+sign(-3))F(atan(1))\n',
@@ -420,6 +424,39 @@ def test_expansion_is_bounded():
         _cpfg('F' * 200_001)
     assert str(_cpfg('#define A A F\nLsystem: 1\nderivation length: 0\nAxiom: A\n')
                .derive()).endswith('AF')
+
+
+@pytest.mark.parametrize('source, text', [
+    ('l', f'{_TOP}Axiom: F({"-" * 3000}1)'), ('l', f'{_TOP}Axiom: F({"1+" * 3000}1)'),
+    ('l', f'{_TOP}Axiom: F({"(" * 3000}1{")" * 3000})'),
+    ('l', f'#define f(x) x\n{_TOP}Axiom: F({"f(" * 3000}1{")" * 3000})'),
+    ('lpy', f'Axiom: A\nproduction:\nA: {"if 1:" * 3000} produce F'),
+    ('lpy', 'Axiom: A(1)\nproduction:\nA(x):\n  if x < 1:\n    if x < 0: produce F\n'
+     + '  elif x < 2:\n    if x < 1: produce F\n' * 3000),
+    ('lpy', f'Axiom: F({"not " * 3000}1)'), ('lpy', f'Axiom: {"[" * 3000}F'),
+])
+def test_depth_is_bounded(source, text):
+    """Answer texts that nest thousands deep with an error of our own, or a tree."""
+    try:
+        LSystem.parse(text, f'plant.{source}')
+    except GrammarError as error:
+        assert error.line
+
+
+@pytest.mark.parametrize('name', ['defines, labels, a homomorphism', 'choices',
+                                  'macros of modules and with parameters', 'plain productions'])
+def test_damaged_texts(name):
+    """Answer every damaged text with an error of our own, or a grammar."""
+    read, text, _ = _PAIRS[name]
+    rng = np.random.default_rng(5)
+    for _ in range(150):
+        letters = list(text)
+        for at in rng.integers(0, len(letters), 3):
+            letters[at] = rng.choice(list('()[]{}:;<>=-+*/#@~"\'\\ \n\tA1.,|&!?'))
+        try:
+            read(''.join(letters))
+        except GrammarError as error:
+            assert '\n' not in str(error)
 
 
 def test_includes_bring_defines(tmp_path):

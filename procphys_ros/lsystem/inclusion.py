@@ -37,11 +37,10 @@ def gather_statements(text: str, source: str, folder: Path | None = None) -> lis
     return _gather(text, source, folder, {Path(shorten(source)).resolve()})
 
 
-
 def _statements(text: str, source: str, folder: Path | None) -> list[Statement]:
     """Cut a text into statements, in the language that its name ends in."""
     if source.endswith(TRANSLATED):
-        from procphys_ros.lsystem.translation import translate  # takes as long as all the rest
+        from procphys_ros.lsystem.translation import translate
         return translate(text, source, folder)
     return split_statements(text, source)
 

@@ -19,7 +19,7 @@ import re
 
 from lark import Token, Tree
 
-from procphys_ros.language import Place
+from procphys_ros.language import Place, shorten
 from procphys_ros.lsystem.statements import RULE_SECTIONS, Statement
 from procphys_ros.lsystem.translation.dialect import CPFG_DIALECT
 from procphys_ros.lsystem.translation.preprocessor import Preprocessor
@@ -132,7 +132,8 @@ class _Cutter:
         self.close()
         if not self._section:
             raise Place(self._source, number, 1).error(
-                f'found "{line.strip()[:20]}" before the axiom; productions come after it')
+                f'found "{shorten(line.strip()[:20])}" before the axiom; productions come '
+                'after it')
         label = _LABEL.match(line)
         if label:
             line = ' ' * label.end() + line[label.end():]

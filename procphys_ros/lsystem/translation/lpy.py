@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 from lark import Tree
 
-from procphys_ros.language import Place
+from procphys_ros.language import Place, shorten
 from procphys_ros.lsystem.statements import Statement
 from procphys_ros.lsystem.translation.dialect import LPY_DIALECT
 from procphys_ros.lsystem.translation.meanings import LPY_RANDOM
@@ -41,6 +41,9 @@ _CLAUSE = re.compile(r'(if|elif|else)\b')
 _STARTS = {'axiom': 'axiom', 'ignore': 'symbols', 'consider': 'symbols'}
 _PLAIN = ('only plain productions are read, "A(l) --> F(l)", and rules of "if", "elif", "else" '
           'and "produce"; this is other Python')
+
+
+_MOST_CONDITIONS = 100  # of one "produce"; keeps expressions below their deepest nesting
 
 
 class _Line(NamedTuple):
@@ -115,9 +118,9 @@ class _LpyReader:
             elif assigned := _ASSIGNED.match(text):
                 self._define(line, assigned, place)
             elif _LEFT_OUT.match(text):
-                place.warn(f'"{text}" is left out: nothing of Python is run')
+                place.warn(f'"{shorten(text[:40])}" is left out: nothing of Python is run')
             else:
-                raise place.error(f'found "{text[:20]}"; {_PLAIN}')
+                raise place.error(f'found "{shorten(text[:20])}"; {_PLAIN}')
 
     def _parse(self, start: str, line: _Line, first: int = 0) -> Tree:
         """Read a text whose places are counted from a first line, its own unless one is given."""
@@ -142,8 +145,8 @@ class _LpyReader:
                 place.warn('scales and bases of modules are left out')
             for name in names:
                 if not name.isalnum():
-                    raise place.error(f'"{name[:20]}" is no name of a module; names are of '
-                                      'letters and digits')
+                    raise place.error(f'"{shorten(name[:20])}" is no name of a module; names '
+                                      'are of letters and digits')
             self.declared += [name for name in names if len(name) > 1]
         elif word == 'maximum depth' and self._section != 'interpretation':
             place.warn('decomposition goes on until no rule fits; its depth is left out')
@@ -178,7 +181,7 @@ class _LpyReader:
                 head.children[0], condition, head.children[2], produced, None], head.meta),
                 line.number)
 
-    def _branches(self, body: list[_Line], before: list[Tree]
+    def _branches(self, body: list[_Line], before: list[Tree], depth: int = 0
                   ) -> Iterator[tuple[list[Tree], _Line]]:
         """List the conditions and the successor of each "produce" in a block."""
         indent = body[0].indent
@@ -189,7 +192,7 @@ class _LpyReader:
             place = Place(self._source, line.number, line.indent + 1)
             clause = _CLAUSE.match(text)
             if line.indent != indent or not clause and not _PRODUCE.match(text):
-                raise place.error(f'found "{text[:20]}"; {_PLAIN}')
+                raise place.error(f'found "{shorten(text[:20])}"; {_PLAIN}')
             if not clause:
                 start = line.indent + len('produce')
                 yield before, _Line(' ' * start + line.text[start:], line.number)
@@ -197,7 +200,9 @@ class _LpyReader:
             chain = chain if clause[1] != 'if' else []
             own, inner = self._clause(line, clause, body, place)
             conditions = [*before, *chain, *own]
-            found = list(self._branches(inner, conditions))
+            if len(conditions) > _MOST_CONDITIONS or depth > _MOST_CONDITIONS:
+                raise place.error(f'more than {_MOST_CONDITIONS} conditions hold at once here')
+            found = list(self._branches(inner, conditions, depth + 1))
             yield from found
             if not any(len(others) == len(conditions) for others, _ in found):
                 chain += [Tree('negation', [one], one.meta) for one in own]

@@ -34,7 +34,7 @@ _IDENTIFIER = re.compile(r'(?<![\w.])[A-Za-z_]\w*')
 _NUMBER = re.compile(r'-?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?')
 _RESERVED = ('self', 'steps', 'seed')  # defines of our language cannot have these names
 _MOST_EXPANSIONS = 100_000  # in one text; a second of work
-_DEEPEST = 50               # macros within macros
+_DEEPEST = 50               # macros within macros, and within their arguments
 
 
 class Macro(NamedTuple):
@@ -169,7 +169,8 @@ class Preprocessor:
         if rest_of_file:
             place.warn(f'only the defines of "{name}" are read; all else in it is left out')
 
-    def _expand(self, line: str, number: int, hidden: frozenset[str] = frozenset()) -> str:
+    def _expand(self, line: str, number: int, hidden: frozenset[str] = frozenset(),
+                depth: int = 0) -> str:
         result, end = [], 0
         while found := _IDENTIFIER.search(line, end):
             macro = self._macros.get(found[0])
@@ -183,10 +184,12 @@ class Preprocessor:
             body = macro.body
             if arguments is not None:
                 given, end = arguments
-                body = self._fill(macro, [self._expand(one, number, hidden) for one in given],
-                                  Place(self.source, number, found.start() + 1))
-            self._count(number, len(hidden), sum(map(len, result)) + len(body))
-            result.append(self._expand(body, number, hidden | {found[0]}))
+                self._count(number, depth, 0)
+                body = self._fill(
+                    macro, [self._expand(one, number, hidden, depth + 1) for one in given],
+                    Place(self.source, number, found.start() + 1))
+            self._count(number, depth, sum(map(len, result)) + len(body))
+            result.append(self._expand(body, number, hidden | {found[0]}, depth + 1))
         return ''.join([*result, line[end:]])
 
     def _count(self, number: int, depth: int, length: int) -> None:

@@ -31,6 +31,7 @@ from procphys_ros.lsystem.syntax import parse_statement
 from procphys_ros.lsystem.translation.dialect import Dialect
 from procphys_ros.lsystem.translation.meanings import Meaning
 
+_DEEPEST = 150  # nested operations, as in `compile_expression`
 _COMPARISONS = ('less', 'more', 'compare')
 _STRENGTH = 63e6  # [Pa] of green silver birch (ForestGALES), whose wood the turtle begins with
 _PARAMETER = re.compile(r'a\d+')
@@ -283,10 +284,13 @@ class Translator:
 
     # expressions
 
-    def _expression(self, tree):
+    def _expression(self, tree, depth: int = 0):
         """Translate functions and constants of a tree, None and tokens as they are."""
         if not isinstance(tree, Tree):
             return tree
+        if depth > _DEEPEST:
+            raise Place.of(tree, self.source, self._line).error(
+                f'expression nested deeper than {_DEEPEST} operations')
         if tree.data == 'variable' and str(tree.children[0]) not in self._defined:
             value = self.dialect.constants.get(str(tree.children[0]))
             return tree if value is None else _filled(_value(value), (), tree)
@@ -294,7 +298,7 @@ class Translator:
                 and tree.children[0].data in _COMPARISONS):
             raise Place.of(tree, self.source, self._line).error(
                 'a chain of comparisons is not read: write "a < b and b < c"')
-        children = [self._expression(child) for child in tree.children]
+        children = [self._expression(child, depth + 1) for child in tree.children]
         if tree.data == 'floor_divide':
             return _filled(_value('floor(a0 / a1)'), children, tree)
         if tree.data == 'call' and str(children[0]) in self.dialect.functions:
