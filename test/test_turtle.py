@@ -60,13 +60,14 @@ def test_turns(turn, direction):
 
 def test_unit_of_length():
     """Draw in centimetres what is drawn in metres: segments, widths, leaves, polygons, moves."""
-    axiom = 'axiom: !({0}) F({1}) [ &(30) ~({2}) G({1}) ] {{ f({0}) +(90) f({2}) }} f({0}) F({1})'
+    axiom = 'axiom: !({0}) F({1}) [ &(30) ~({2}) G({1}) ] {{ . f({0}) +(90) f({2}) }} F({1})'
     metres = LSystem.parse(axiom.format(0.1, 1, 0.4)).build()
     found = LSystem.parse('unit: 0.01\n' + axiom.format(10, 100, 40)).build()
     for name in ('poses', 'bond_frame', 'bond_extent', 'mass', 'leaf_area'):
         np.testing.assert_allclose(getattr(found, name), getattr(metres, name), atol=1e-12)
     np.testing.assert_allclose(found.leaves.size, metres.leaves.size)
     np.testing.assert_allclose(found.leaves.pose, metres.leaves.pose, atol=1e-12)
+    assert len(found.ornaments.texture) > 1 and found.leaf_area[0] > metres.leaves.size[0] ** 2
     np.testing.assert_allclose(found.ornaments.triangle, metres.ornaments.triangle, atol=1e-12)
 
 
