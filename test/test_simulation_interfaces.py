@@ -67,7 +67,7 @@ def test_features_are_those_that_the_package_knows(unchanged):
     features = call(unchanged, 'get_simulator_features').features.features
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
     formats = call(unchanged, 'get_simulator_features').features.spawn_formats
-    assert formats == ['lsys', 'wall', 'mech', 'csv', 'mtg', 'ply']
+    assert formats == ['lsys', 'wall', 'mech', 'l', 'lpy', 'csv', 'mtg', 'ply']
 
 
 def test_features_are_those_of_the_services_that_are_there(unchanged):
