@@ -36,6 +36,7 @@ from procphys_ros.physics.trees import (
 from procphys_ros.physics.world import JointKind, merge_boxes, World
 from procphys_ros.recording.marker_state import find_markers
 from procphys_ros.scene import Scene
+from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.scene.strikes import Projectile
 from procphys_ros.scene.terrain import make_terrain, TerrainSettings
@@ -260,6 +261,7 @@ def _damage(simulation: Simulation) -> None:
     simulation.set_observer((-30.0, 0.0, 2.0))
     simulation.set_wind((8.0, 2.0, 0.0))
     simulation.gust()
+    simulation.shake(Earthquake(peak=0.1, duration=0.5))
     simulation.apply_impulse(int(np.argmin(blueprint.poses[:, 2])), (50.0, 0.0, 0.0))
     simulation.apply_wrench(len(blueprint) - 1, (20.0, 0.0, 0.0))
     _strike(simulation)
