@@ -25,7 +25,7 @@ import pytest
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import CommandError, SceneError
-from procphys_ros.physics.ground_motion import integrated, respond, synthetic
+from procphys_ros.physics.ground_motion import integrated, recorded, respond, synthetic
 from procphys_ros.physics.masonry import BondGraph, first_modes
 from procphys_ros.scene import Scene
 from procphys_ros.scene.earthquake import Earthquake
@@ -94,6 +94,22 @@ def test_motion_is_the_integral_of_its_acceleration():
     assert motion.at(3.0)[1] == pytest.approx([3.0, 2.0, 0.0])
     assert motion.mean_acceleration(0.25, 1.0) == pytest.approx(
         (motion.at(1.0)[1] - motion.at(0.25)[1]) / 0.75)
+
+
+def test_a_record_begins_with_its_first_row():
+    """Begin records at 5 s: the ground is not accelerated for 5 s by the value of that row."""
+    record = ((5.0, 2.0), (6.0, 0.0))
+    for start, end in ((0.0, 1.0), (5.5, 0.25)):
+        motion = recorded(record, start, 1.0, _X)
+        assert motion.duration == 6.0 - max(start, 5.0)
+        assert motion.velocity[-1] == pytest.approx([end, 0.0, 0.0])
+
+
+def test_rows_that_follow_at_once_are_a_jump():
+    """Let two rows be as close as numbers can: all that is read of the motion is a number."""
+    motion = integrated(np.array([0.0, 5e-324, 1.0]), np.array([1.0, 50.0, 0.0])[:, None] * _X)
+    assert np.isfinite(motion.at(0.0)).all()
+    assert motion.mean_acceleration(0.0, 1.0) == pytest.approx([25.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize('engine, off', [('native', 0.002), ('bullet', 0.03)])
@@ -300,6 +316,7 @@ def test_components_of_peer_are_read(tmp_path):
     ('a.csv', 'time [s], along [g]\n1,0\n1,0\n', 'line 3: time is 1'),
     ('a.AT2', 'nothing\n', 'no file of PEER'),
     ('a.AT2', _PEER.replace('OF G', 'OF CM/S'), 'no file of PEER'),
+    ('a.AT2', _PEER.replace('OF G', 'OF GAL'), 'no file of PEER'),
     ('a.AT2', _PEER.replace('.0100', '0'), 'line 4: DT is 0'),
     ('a.AT2', _PEER.replace('5,', '50,'), 'has 5 numbers, its head says 50'),
     ('a.AT2', _PEER.replace('.3', 'x'), 'line 5: there is a value that is no number')])

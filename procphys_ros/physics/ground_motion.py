@@ -65,11 +65,11 @@ class GroundMotion(NamedTuple):
         k = int(np.searchsorted(self.time, time, side='right')) - 1
         since = time - self.time[k]
         first, last = self.acceleration[k:k + 2]
-        jerk = (last - first) / (self.time[k + 1] - self.time[k])
-        return (first + since * jerk,
-                self.velocity[k] + since * (first + 0.5 * since * jerk),
+        gained = since / (self.time[k + 1] - self.time[k]) * (last - first)
+        return (first + gained,
+                self.velocity[k] + since * (first + 0.5 * gained),
                 self.displacement[k] + since * (self.velocity[k] + since * (
-                    0.5 * first + since * jerk / 6.0)))
+                    0.5 * first + gained / 6.0)))
 
     def mean_acceleration(self, start: float, end: float) -> np.ndarray:
         """Return the mean acceleration between two times [m/s²], (3,)."""
@@ -99,14 +99,15 @@ STILL = integrated(np.zeros(1), np.zeros((1, 3)))
 def recorded(record: GroundRecord, start: float, scale: float, direction: np.ndarray
              ) -> GroundMotion:
     """
-    Return the motion of a record.
+    Return the motion of a record, which begins with its first row.
 
     :param record: of along the direction, to its left, and up; the latter two may be missing.
-    :param start: of the record, that is left out [s]; before its last row.
+    :param start: time of the record up to which it is left out [s]; before its last row.
     :param scale: of its accelerations.
     :param direction: level unit vector, (3,).
     """
     rows = np.array(record, float)
+    start = max(start, rows[0, 0])
     kept = rows[rows[:, 0] > start]
     first = [np.interp(start, rows[:, 0], column) for column in rows[:, 1:].T]
     time = np.concatenate([[0.0], kept[:, 0] - start])

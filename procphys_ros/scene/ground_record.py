@@ -32,6 +32,7 @@ _HEADER = 'time [s], along [g], across [g], up [g]'
 _LONGEST = 200_000     # rows: 1,000 s at 200 Hz
 _STRONGEST = 200.0     # [m/s²], ten times what was ever recorded
 _PEER = re.compile(r'NPTS\s*=?\s*(\d+)\s*,?\s*DT\s*=?\s*([0-9.eE+-]+)', re.IGNORECASE)
+_IN_G = re.compile(r'UNITS OF G\b', re.IGNORECASE)
 
 
 def read_ground_record(names: Sequence[str], beside: Path | None = None) -> GroundRecord:
@@ -134,7 +135,7 @@ def _read_peer(path: Path) -> tuple[float, list[float]]:
     """Read one component of PEER's database; return its step [s] and accelerations [m/s²]."""
     lines = _lines(path)
     head = next((n for n, line in enumerate(lines[:8]) if _PEER.search(line)), None)
-    if head is None or 'UNITS OF G' not in ' '.join(lines[:head]).upper():
+    if head is None or not _IN_G.search(' '.join(lines[:head])):
         raise SceneError(f'{_KEY}: {path} is no file of PEER: above its numbers there is no line '
                          'with "UNITS OF G" and one with "NPTS=…, DT=…"')
     count, step = re.findall(_PEER, lines[head])[0]
