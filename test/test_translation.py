@@ -311,6 +311,8 @@ _TOP = 'Lsystem: 1\nderivation length: 1\n'
     ('l', '#define f(a, b) a+b\nLsystem: 1\nAxiom: F(f(1))', 3, 'takes 2 parameters, found 1'),
     ('l', '#include <lpfgall.h>\nmodule A(float);', 1, 'a program for lpfg'),
     ('l', 'Axiom: A(1.0);\nA(x) :\n{\n  produce F(x);\n}', 4, 'a program for lpfg'),
+    ('l', f'{_TOP}Axiom: A /* once\nA --> F\n', 3, ':3:10: this comment is never closed'),
+    ('lpy', 'a = 1; b = 2\nAxiom: F', 1, 'expected ",", an operator or the end'),
     ('lpy', 'Axiom: A\nproduction:\nA --> F(l)', 3, 'unknown name "l"'),
     ('lpy', 'def f(x):\n  return 2\nAxiom: A', 1, 'only plain productions are read'),
     ('lpy', 'Axiom: A(1)\nproduction:\nA(x):\n  y = x\n  produce F(y)', 4, 'only plain'),

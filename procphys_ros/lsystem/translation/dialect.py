@@ -83,7 +83,7 @@ class Dialect:
             raise self._explain(problem, place) from None
 
     def _explain(self, problem: UnexpectedInput, place: Place) -> GrammarError:
-        error = syntax_error(problem, place.source, place.line, MODULE_WORDS)
+        error = syntax_error(problem, place.source, place.line, _WORDS)
         found = str(getattr(problem, 'char', '') or getattr(problem, 'token', ''))
         if found not in _ANSWERS:
             return error
@@ -91,6 +91,7 @@ class Dialect:
             f'{error.message}; {_ANSWERS[found]}')
 
 
+_WORDS = {**MODULE_WORDS, '_FLOOR': 'an operator'}
 _ANSWERS = {
     '{': 'blocks of code in rules are not read: write expressions as parameters',
     '?': 'choices "a ? b : c" are not read: write two rules with conditions',

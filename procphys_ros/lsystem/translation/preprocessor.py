@@ -25,7 +25,7 @@ from procphys_ros.language import Place, read_include
 from procphys_ros.language.arithmetic import FUNCTIONS
 from procphys_ros.language.syntax import LONGEST_TEXT
 
-_COMMENT = re.compile(r'/\*.*?(?:\*/|\Z)|(?:^|(?<=\s))//[^\n]*', re.DOTALL | re.MULTILINE)
+_COMMENT = re.compile(r'/\*.*?(?P<end>\*/|\Z)|(?:^|(?<=\s))//[^\n]*', re.DOTALL | re.MULTILINE)
 _DIRECTIVE = re.compile(
     r'\s*#\s*(define|include|undef|ifdef|ifndef|if|elif|else|endif|line|pragma)\b(.*)')
 _DEFINE = re.compile(r'(\s+)([A-Za-z_]\w*)(\([^)]*\))?(\s+|$)(.*)')
@@ -98,7 +98,7 @@ class Preprocessor:
 
     def _directives(self, text: str) -> Iterator[str]:
         """Take out comments, and carry out directives."""
-        lines = _COMMENT.sub(lambda found: re.sub(r'[^\n]', ' ', found[0]), text).splitlines()
+        lines = _COMMENT.sub(self._blank, text).splitlines()
         powers = set(re.findall(r'(\w+)\s*\^', text))
         number = 0
         while number < len(lines):
@@ -113,6 +113,14 @@ class Preprocessor:
                 number += 1
             self._directive(_DIRECTIVE.match(line) or directive, begun, powers)
             yield from [''] * (number - begun + 1)
+
+    def _blank(self, comment: re.Match) -> str:
+        """Return blanks in the place of a comment; raise GrammarError if it is never closed."""
+        if comment['end'] == '':
+            before = comment.string[:comment.start()]
+            line, column = before.count('\n') + 1, len(before) - before.rfind('\n')
+            raise Place(self.source, line, column).error('this comment is never closed with "*/"')
+        return re.sub(r'[^\n]', ' ', comment[0])
 
     def _directive(self, found: re.Match, number: int, powers: set[str]) -> None:
         word, rest = found[1], found[2]
