@@ -311,7 +311,7 @@ def test_components_of_peer_are_read(tmp_path):
     ('a.csv', 'time [s], up [g]\n0,1\n1,1\n', 'first line must be'),
     ('a.csv', 'time [s], along [g]\n0,1\n', '1 rows'),
     ('a.csv', 'time [s], along [g]\n0,1,2\n', 'line 2: 3 values'),
-    ('a.csv', 'time [s], along [g]\n0,x\n', 'line 2: there is a value that is no number'),
+    ('a.csv', 'time [s], along [g]\n0,x\n', 'line 2: along must be a number'),
     ('a.csv', 'time [s], along [g]\n0,nan\n1,0\n', 'line 2: an acceleration is nan'),
     ('a.csv', 'time [s], along [g]\n1,0\n1,0\n', 'line 3: time is 1'),
     ('a.AT2', 'nothing\n', 'no file of PEER'),
@@ -319,7 +319,7 @@ def test_components_of_peer_are_read(tmp_path):
     ('a.AT2', _PEER.replace('OF G', 'OF GAL'), 'no file of PEER'),
     ('a.AT2', _PEER.replace('.0100', '0'), 'line 4: DT is 0'),
     ('a.AT2', _PEER.replace('5,', '50,'), 'has 5 numbers, its head says 50'),
-    ('a.AT2', _PEER.replace('.3', 'x'), 'line 5: there is a value that is no number')])
+    ('a.AT2', _PEER.replace('.3', 'x'), 'line 5: an acceleration must be a number')])
 def test_records_with_faults_are_refused_with_file_and_line(name, text, told, tmp_path):
     (tmp_path / name).write_text(text)
     with pytest.raises(SceneError, match=told) as refused:

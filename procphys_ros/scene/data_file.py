@@ -12,8 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Data files of scenes, and the folders searched for them."""
+"""Data files of scenes: the folders searched for them, and tables in them."""
 
+from collections.abc import Callable, Sequence
+import math
 import os
 from pathlib import Path
 
@@ -48,6 +50,71 @@ def find_data_file(key: str, name: str, beside: Path | None) -> Path:
             return path
     where = ' and '.join(dict.fromkeys(shorten(str(path)) for path in candidates))
     raise SceneError(f'{key}: there is no file "{shorten(name)}" (looked for {where})')
+
+
+def read_lines(key: str, path: Path) -> list[str]:
+    """
+    Read the lines of a text file.
+
+    :param key: of the scene file, for messages.
+    :raises SceneError: when it cannot be read.
+    """
+    try:
+        return path.read_text(encoding='utf-8-sig').splitlines()
+    except (OSError, UnicodeDecodeError) as problem:
+        reason = getattr(problem, 'strerror', None) or 'it is not UTF-8 text'
+        raise SceneError(f'{key}: "{shorten(str(path))}" cannot be read: {reason}') from None
+
+
+def read_table(key: str, path: Path, take: Callable[[list[str]], None]) -> None:
+    """
+    Read a CSV file line by line, without comments after `#` and empty lines.
+
+    :param key: of the scene file, for messages.
+    :param take: called with the cells of each line.
+    :raises SceneError: when it cannot be read, or `take` raises it; it names file and line.
+    """
+    for number, line in enumerate(read_lines(key, path), 1):
+        cells = [cell.strip() for cell in line.split('#')[0].split(',')]
+        if cells != ['']:
+            try:
+                take(cells)
+            except SceneError as problem:
+                raise SceneError(f'{key}: {path}, line {number}: {problem}') from None
+
+
+def check_row(cells: Sequence[str], columns: Sequence[str], rows: Sequence[Sequence[float]],
+              most: int) -> list[float]:
+    """
+    Return the numbers in a row of a table over time.
+
+    :param columns: their names; the first is the time.
+    :param rows: those before it.
+    :param most: largest number of rows.
+    :raises SceneError: naming the fault and what is allowed.
+    """
+    if len(cells) != len(columns):
+        raise SceneError(f'{len(cells)} values, they must be {len(columns)}: '
+                         f'{", ".join(columns)}')
+    if len(rows) == most:
+        raise SceneError(f'there are more than {most} rows')
+    values = [read_number(cell, column) for cell, column in zip(cells, columns)]
+    if not (0.0 <= values[0] < math.inf and (not rows or values[0] > rows[-1][0])):
+        raise SceneError(f'time is {values[0]:g}, it must be 0 s or more and later than in the '
+                         'row before')
+    return values
+
+
+def read_number(cell: str, column: str) -> float:
+    """
+    Read a number; errors do not quote what is none.
+
+    :raises SceneError: naming the column.
+    """
+    try:
+        return float(cell)
+    except ValueError:
+        raise SceneError(f'{column} must be a number') from None
 
 
 def _is_file(path: Path) -> bool:

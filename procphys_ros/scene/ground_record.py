@@ -21,9 +21,14 @@ from pathlib import Path
 import re
 
 from procphys_ros.errors import SceneError
-from procphys_ros.language import shorten
 from procphys_ros.physics.ground_motion import GroundRecord
-from procphys_ros.scene.data_file import find_data_file
+from procphys_ros.scene.data_file import (
+    check_row,
+    find_data_file,
+    read_lines,
+    read_number,
+    read_table,
+)
 
 _KEY = 'ground.motion'
 _UNITS = {'m/s2': 1.0, 'm/s²': 1.0, 'g': 9.80665, 'cm/s2': 0.01, 'cm/s²': 0.01, 'gal': 0.01}
@@ -63,29 +68,20 @@ def read_ground_record(names: Sequence[str], beside: Path | None = None) -> Grou
     return tuple((step * row, *(values[row] for _, values in columns)) for row in range(count))
 
 
-def _lines(path: Path) -> list[str]:
-    try:
-        return path.read_text(encoding='utf-8-sig').splitlines()
-    except (OSError, UnicodeDecodeError) as problem:
-        reason = getattr(problem, 'strerror', None) or 'it is not UTF-8 text'
-        raise SceneError(f'{_KEY}: "{shorten(str(path))}" cannot be read: {reason}') from None
-
-
 def _read_csv(path: Path) -> GroundRecord:
     """Read a table whose first line names columns and units."""
     factors: list[float] = []
     rows: list[tuple[float, ...]] = []
-    for number, line in enumerate(_lines(path), 1):
-        words = [word.strip() for word in line.split('#')[0].split(',')]
-        if words == ['']:
-            continue
-        try:
-            if not factors:
-                factors = _factors(words)
-            else:
-                rows.append(_row(words, factors, rows))
-        except SceneError as problem:
-            raise SceneError(f'{_KEY}: {path}, line {number}: {problem}') from None
+
+    def take(cells: list[str]) -> None:
+        if not factors:
+            factors.extend(_factors(cells))
+            return
+        time, *values = check_row(cells, ('time', *_NAMES)[:len(factors)], rows, _LONGEST)
+        rows.append((time, *(_checked(factor * value)
+                             for factor, value in zip(factors[1:], values))))
+
+    read_table(_KEY, path, take)
     if len(rows) < 2:
         raise SceneError(f'{_KEY}: {path} has {len(rows)} rows of numbers, it must have two or '
                          f'more below a line such as "{_HEADER}"')
@@ -104,26 +100,6 @@ def _factors(words: Sequence[str]) -> list[float]:
     return [1.0, *(_UNITS[found[2].lower()] for found in others if found)]
 
 
-def _row(words: Sequence[str], factors: Sequence[float], rows: Sequence[tuple[float, ...]]
-         ) -> tuple[float, ...]:
-    if len(words) != len(factors):
-        raise SceneError(f'{len(words)} values, they must be {len(factors)} as in the first line')
-    if len(rows) == _LONGEST:
-        raise SceneError(f'there are more than {_LONGEST} rows')
-    time, *values = (_number(word) * factor for word, factor in zip(words, factors))
-    if not (0.0 <= time <= 1e6 and (not rows or time > rows[-1][0])):
-        raise SceneError(f'time is {time:g}, it must be 0 s or more and later than in the row '
-                         'before')
-    return (time, *map(_checked, values))
-
-
-def _number(word: str) -> float:
-    try:
-        return float(word)
-    except ValueError:
-        raise SceneError('there is a value that is no number') from None
-
-
 def _checked(value: float) -> float:
     if not math.isfinite(value) or abs(value) > _STRONGEST:
         raise SceneError(f'an acceleration is {value:g} m/s², it must be a number from '
@@ -133,14 +109,14 @@ def _checked(value: float) -> float:
 
 def _read_peer(path: Path) -> tuple[float, list[float]]:
     """Read one component of PEER's database; return its step [s] and accelerations [m/s²]."""
-    lines = _lines(path)
+    lines = read_lines(_KEY, path)
     head = next((n for n, line in enumerate(lines[:8]) if _PEER.search(line)), None)
     if head is None or not _IN_G.search(' '.join(lines[:head])):
         raise SceneError(f'{_KEY}: {path} is no file of PEER: above its numbers there is no line '
                          'with "UNITS OF G" and one with "NPTS=…, DT=…"')
     count, step = re.findall(_PEER, lines[head])[0]
     try:
-        interval = _number(step)
+        interval = read_number(step, 'DT')
         if not 1e-4 <= interval <= 1.0:
             raise SceneError(f'DT is {interval:g}, it must be from 0.0001 to 1 s')
     except SceneError as problem:
@@ -148,7 +124,8 @@ def _read_peer(path: Path) -> tuple[float, list[float]]:
     values: list[float] = []
     for number, line in enumerate(lines[head + 1:], head + 2):
         try:
-            values += [_checked(_UNITS['g'] * _number(word)) for word in line.split()]
+            values += [_checked(_UNITS['g'] * read_number(word, 'an acceleration'))
+                       for word in line.split()]
             if len(values) > _LONGEST:
                 raise SceneError(f'there are more than {_LONGEST} numbers')
         except SceneError as problem:
