@@ -244,11 +244,11 @@ def test_roll_pitch_yaw_turn_as_the_quaternion():
 
 @pytest.mark.parametrize('suffix', ['.usda', '.sdf', '.urdf'])
 def test_names_of_objects_meet_no_others(tmp_path, suffix):
-    """Call objects as the ground, the world, or a branch of another: no name stands twice."""
+    """Call objects as the world, its physics, or a branch of another: no name stands twice."""
     tree = {'grammar_text': 'axiom: !(0.1) F(1) F(1)'}
     wall = {'grammar': 'garden_wall.wall', 'defines': ['length=0.89', 'height=0.3']}
-    names = {'ground': tree, 'world': wall, 'physics': wall, 'ground_segment_0': wall,
-             'ground_anchor': wall}
+    names = {'world': tree, 'physics': wall, 'materials': wall, 'world_segment_0': wall,
+             'world_anchor': wall}
     scene = Scene.from_parameters({'scene': {'objects': list(names)}, **{
         name: {**given, 'origin': [3.0 * i, 0.0, 0.0]}
         for i, (name, given) in enumerate(names.items())}})
@@ -256,8 +256,8 @@ def test_names_of_objects_meet_no_others(tmp_path, suffix):
     export(scene, path)
     text = path.read_text('utf-8')
     if suffix == '.usda':
-        assert 'def Plane "ground"' in text and 'def PhysicsScene "physics"' in text
-        assert 'def Xform "ground_"' in text and 'def Xform "physics_"' in text
+        assert 'def Scope "materials"' in text and 'def PhysicsScene "physics"' in text
+        assert 'def Xform "materials_"' in text and 'def Xform "physics_"' in text
         return
     root = ElementTree.fromstring(text)
     found = [e.get('name') for e in (root[0] if suffix == '.sdf' else root)
