@@ -147,7 +147,7 @@ class Publishers:
         self._scene_markers = None
         self._leaves.restart()
         self._marker_limiter.hasten()
-        self._described: tuple | None = None
+        self._described: tuple[int, int] | None = None
 
     def apply(self, names: set[str]) -> None:
         """Apply changed parameters."""
@@ -197,6 +197,10 @@ class Publishers:
             self._added, self._layouts = simulation.added, simulation.layouts
             self._describer = None if simulation.layouts else self._describer
             self.restart()
+            self._description_limiter.hasten()
+        _, removed = self._described or (0, 0)
+        if removed < len(simulation.removed):  # who has removed an object asks next what is left
+            self._description_limiter.hasten()
         if self._described != _content(simulation) and self._description_limiter.is_due():
             self._describe(simulation)
 
