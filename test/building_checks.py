@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What holds for every building, and what is done to buildings in several tests."""
 
 import numpy as np

@@ -12,29 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Energy ledger: how much kinetic energy the parts of each object can have at most."""
 
-"""
-Energy ledger: how much kinetic energy the parts of each object can have at most.
-
-Kinetic energy must not exceed the sum of these works, each of which is bounded from above by what
-a simulation shows to everybody (poses, velocities, air):
-
-* weight: m·g·(z₀ − z), exact, of each part from where it stood first;
-* preload: at rest every joint carries the weight above it. That moment τ goes on acting when the
-  branch moves: |τ|·θ of the largest turn θ so far of the joint, likewise the force along a sprung
-  joint times its largest stretch. Springs themselves start without energy, beside it;
-* wind: drag is c·|u − v₀|·(u − v) with v₀ before and v after a step, so it does most work where
-  v = u / 2: ¼·c·(u + v₀)·u² per second, with the faster of the air at the beginning and the end of
-  a step, and c = ½·ρ·C·A of bluff bodies; twice in a step in which something comes off a tree,
-  for that has moved with the tree and moves on by itself;
-* impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for no tree makes a part lighter;
-* ground: a tree that was drawn into it is pushed out when it comes off, at a speed by its depth,
-  and lifted by it, as engines undo overlaps apart from velocities;
-* projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
-  in a step and have not: what the engine stops short of what it will hit goes on to fall faster;
-* masonry that breaks what it comes down on keeps its speed, and follows it a step later: m·g times
-  the way down that it owes, v·dt at most, for that step alone.
-"""
+# Kinetic energy must not exceed the sum of these works, each of which is bounded from above by
+# what a simulation shows to everybody (poses, velocities, air):
+# * weight: m·g·(z₀ − z), exact, of each part from where it stood first; * preload: at rest every
+# joint carries the weight above it. That moment τ goes on acting when the branch moves: |τ|·θ of
+# the largest turn θ so far of the joint, likewise the force along a sprung joint times its largest
+# stretch. Springs themselves start without energy, beside it; * wind: drag is c·|u − v₀|·(u − v)
+# with v₀ before and v after a step, so it does most work where v = u / 2: ¼·c·(u + v₀)·u² per
+# second, with the faster of the air at the beginning and the end of a step, and c = ½·ρ·C·A of
+# bluff bodies; twice in a step in which something comes off a tree, for that has moved with the
+# tree and moves on by itself; * impulses J on a part of mass m that moves at v: |J|·v + J²/2m, for
+# no tree makes a part lighter; * ground: a tree that was drawn into it is pushed out when it comes
+# off, at a speed by its depth, and lifted by it, as engines undo overlaps apart from velocities; *
+# projectiles: ½·m·v² when they are launched, and m·g times the height that they should have lost
+# in a step and have not: what the engine stops short of what it will hit goes on to fall faster; *
+# masonry that breaks what it comes down on keeps its speed, and follows it a step later: m·g times
+# the way down that it owes, v·dt at most, for that step alone.
 
 import numpy as np
 

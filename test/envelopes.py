@@ -12,15 +12,12 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Envelopes: six runs of a scene that differ by a nudge, laws for all of them, and quantiles."""
 
-"""
-Envelopes: six runs of a scene that differ by a nudge, laws for all of them, and quantiles.
-
-What falls and breaks is chaotic. Another processor rounds differently, and runs that differ in the
-last bit of one number differ by decimetres a second later. So no test may hold a collapse to one
-outcome. It holds every run to laws, and a share of the runs to bounds that follow from the spread
-of many more runs.
-"""
+# What falls and breaks is chaotic. Another processor rounds differently, and runs that differ in
+# the last bit of one number differ by decimetres a second later. So no test may hold a collapse to
+# one outcome. It holds every run to laws, and a share of the runs to bounds that follow from the
+# spread of many more runs.
 
 from collections.abc import Callable, Mapping
 from copy import copy

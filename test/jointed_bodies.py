@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The way of Baxter et al. (2010), to compare with: a body per part and a joint per bond."""
 
 import numpy as np
@@ -25,12 +24,9 @@ ITERATIONS = 50  # of PyBullet's solver, per step; its own choice is 50
 
 
 def bond_gaps(blueprint: Blueprint, poses: np.ndarray) -> np.ndarray:
-    """
-    Compute the distance between the two sides of every bond [m], (M,).
-
-    Each side carries the point of contact along; bonded parts that move rigidly or turn about it
-    keep the two points together. Not a number where a side no longer exists.
-    """
+    """Compute the distance between the two sides of every bond [m], (M,)."""
+    # Each side carries the point of contact along; bonded parts that move rigidly or turn about it
+    # keep the two points together. Not a number where a side no longer exists.
     first, second = blueprint.bonds[:, 0], blueprint.bonds[:, 1]
     place = []
     for side in (first, second):

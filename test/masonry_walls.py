@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Boxes laid and bonded by plain geometry, as blueprints for the stress solver's tests."""
 
 import numpy as np
@@ -157,11 +156,8 @@ def wall(length, courses, holes=(), **strengths):
 
 
 def building(side=27, storeys=4, courses=38, windows=4, **strengths):
-    """
-    Build a square half-brick building with windows and rigid slabs on every storey.
-
-    Façades along y start half a brick in, in alternate courses, so that the corners interlock.
-    """
+    """Build a square half-brick building with windows and rigid slabs on every storey."""
+    # Façades along y start half a brick in, in alternate courses, so that the corners interlock.
     pitch, lift = BRICK[0] + JOINT, BRICK[2] + JOINT
     width = side * pitch
     step = width / windows

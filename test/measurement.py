@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Figures that tests compare with what is expected, and leave for the report (`make report`)."""
 
 from collections.abc import Callable, Sequence

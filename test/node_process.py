@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The node as a process of its own, and a client that talks to it over loopback."""
 
 from collections.abc import Callable, Iterator

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Scenes of random grammars: built, blown at, struck, and watched for what cannot be."""
 
 from collections.abc import Iterator, Sequence

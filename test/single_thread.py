@@ -12,12 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""
-Tests compute on one thread each: as many as there are cores run beside each other.
+"""Tests compute on one thread each: as many as there are cores run beside each other."""
 
-Imported before numpy and numba. What depends on the number of threads sets it, and nodes that
-tests start have as many as those of users.
-"""
+# Imported before numpy and numba. What depends on the number of threads sets it, and nodes that
+# tests start have as many as those of users.
 
 from collections.abc import Mapping
 import os

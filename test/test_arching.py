@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Arching: what falls when walls lose their foot, and what carries itself over the gap."""
 
 from functools import cache
@@ -44,11 +43,8 @@ material brick {{ tension: 0.05e6  cohesion: 0.06e6 }}
 
 @cache
 def cut(middle, width, seconds=3.0, **strengths):
-    """
-    Cut an opening into the foot of a wall; return x, z of its other bricks, and which stand.
-
-    The last of them falls within a second. Nobody changes what several tests look at.
-    """
+    """Cut an opening into the foot of a wall; return x, z of its other bricks, and which stand."""
+    # The last of them falls within a second. Nobody changes what several tests look at.
     blueprint = wall(24, 24, **strengths)
     simulation = standing(blueprint)
     x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
@@ -120,12 +116,9 @@ def test_collapse_runs_through_a_house_with_slabs():
 
 
 def test_collapse_stops_where_floors_do_not_tie():
-    """
-    Take half of the ground floor: what stood on it falls, the rest stays up.
-
-    It falls piece by piece within 2.5 s: cracked joints hold some of it up for a while. Bricks are
-    twice as high as elsewhere, and half as many.
-    """
+    """Take half of the ground floor: what stood on it falls, the rest stays up."""
+    # It falls piece by piece within 2.5 s: cracked joints hold some of it up for a while. Bricks
+    # are twice as high as elsewhere, and half as many.
     x, stays = house_without('timber', lambda p: p[:, 0] > 2.0, 150, 0.14)
     assert stays[x > 2.0].mean() < 0.1  # 0.00 in seven nudged runs
     assert stays[x < 2.0].mean() > 0.7  # 0.79 to 0.85

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Blast impulses against published values, closed forms and lines of sight by brute force."""
 
 import numpy as np

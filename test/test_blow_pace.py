@@ -73,11 +73,8 @@ def test_what_a_ball_brings_down_does_not_depend_on_the_pace(monkeypatch, length
 @pytest.mark.xfail(reason='blows that engines spread over substeps are judged as if they came at '
                    'once: three fifths of the wall come down')
 def test_a_ball_cracks_the_wall_around_its_hole():
-    """
-    Throw 2 t through a braced wall: bed and head joints crack between bricks that stand.
-
-    It flies up by as much as it falls on the way, so it does not land in its own hole.
-    """
+    """Throw 2 t through a braced wall: bed and head joints crack between bricks that stand."""
+    # It flies up by as much as it falls on the way, so it does not land in its own hole.
     built = braced(20, 30, 0.6e6)
     simulation = stand(built)
     simulation.launch(Projectile('sphere', 0.8, 2000.0, (2.25, -0.75, 1.2), (0.0, 6.0, 1.2)))

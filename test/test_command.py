@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The executable `command`, against a running node."""
 
 import os
@@ -39,7 +38,8 @@ COMMAND = 'procphys_ros.ros.command'
 def node(tmp_path_factory):
     """Run one node for all tests; what they change they name themselves."""
     weak = SAPLING.replace('DampingRatio', 'Strength(1e6) DampingRatio')
-    scene = {**SCENE, 'post': {**SCENE['post'], 'grammar_text': weak}}
+    scene = {**SCENE, 'post': {**SCENE['post'], 'grammar_text': weak},
+             'files': {'root': [str(tmp_path_factory.getbasetemp())]}}
     process = NodeProcess(tmp_path_factory.mktemp('node'), scene)
     process.wait_for_banner()
     yield process
@@ -102,6 +102,23 @@ def test_what_is_said_happens(node, say, words, answer):
     """End with 0 and print what the node answered."""
     code, out, err = say(words)
     assert (code, err) == (0, '') and answer in out
+
+
+def test_files_of_one_s_own_are_spawned_and_removed(node, say, tmp_path):
+    """Say it in a sentence: text and definitions are sent, a scan the node reads itself."""
+    path, scan = tmp_path / 'mine.lsys', tmp_path / 'oak.csv'
+    path.write_text('define: long = 1\naxiom: Width(0.05) A(long)\nderivation length: 9\n'
+                    'production:\nA(n) : n > 0 -> F(1) A(n - 1)\n', 'utf-8')
+    scan.write_text('x1,y1,z1,x2,y2,z2,radius\n0,0,0,0,0,2,0.1\n', 'utf-8')
+    for words, answer in [(f'spawn {path} 4 -2 --yaw -0.5 --define long=2',
+                           'mine_0 stands at [4.0, -2.0, 0.0] m, 2 parts'),
+                          ('remove mine_0', 'mine_0 is gone'),
+                          (f'spawn {scan} 9', 'oak_0 stands at [9.0, 0.0, 0.0] m, 1 parts'),
+                          ('remove oak_0', 'oak_0 is gone')]:
+        code, out, err = say(words)
+        assert (code, err) == (0, '') and out.startswith(answer)
+    _, out, _ = say('list')
+    assert 'sapling_0' in out and 'mine_0' not in out and 'oak_0' not in out
 
 
 @pytest.mark.parametrize('words, reason', [

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Words of the executable `command`: reading, completing, listing; without ROS."""
 
 import json

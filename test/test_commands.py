@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The queue of commands, and the answers of services: what the node is without ROS."""
 
 from collections.abc import Callable

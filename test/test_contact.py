@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Contact of trees with what is loose, with walls, with the ground and with each other."""
 
 import pickle
@@ -69,12 +68,9 @@ def momentum(simulation: Simulation) -> np.ndarray:
 
 
 def test_a_block_rests_on_a_bough_and_bends_it():
-    """
-    Hold a block up with its weight, sagging as under a force of this size at this place.
-
-    A block higher than the wood is thick tips off it, ten times as far every third of a second
-    (√(g·(h - r)/(k² + h²)) = 6.9/s): look after 1.5 s, when a nudge of 1e-9 is one of 1e-4.
-    """
+    """Hold a block up with its weight, sagging as under a force of this size at this place."""
+    # A block higher than the wood is thick tips off it, ten times as far every third of a second
+    # (√(g·(h - r)/(k² + h²)) = 6.9/s): look after 1.5 s, when a nudge of 1e-9 is one of 1e-4.
     simulation, pulled = single(gallows(radius=0.02)), single(gallows(radius=0.02))
     body = drop(simulation, (1.0, 0.0, 2.13), mass=2.0)
     row = int(np.argmin(np.abs(pulled.state.forest.poses[:, 0] - 0.9)))

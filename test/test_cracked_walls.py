@@ -12,14 +12,19 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Cracked joints in simulations: walls pushed and let go, saved, added to, broken in any order."""
+"""Cracked joints: walls pushed and let go, saved, broken in any order, and how soon they fall."""
 
 from building_checks import standing
 from masonry_walls import building, wall
 import numpy as np
 import pytest
 
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
+from procphys_ros.scene import Scene
+from procphys_ros.scene.settings import Settings
+from procphys_ros.simulation import breaking, Cause, masonry, Simulation
+from procphys_ros.wallgrammar import WallGrammar
 
 G = 9.81  # [m/s²]
 THICKNESS = 0.1025  # [m]
@@ -101,12 +106,9 @@ def test_cracked_joints_survive_what_joins_the_scene():
 
 @pytest.mark.parametrize('seed', [15, 67, 84])
 def test_a_cracked_wall_under_loads_that_it_bears_finds_its_balance(seed):
-    """
-    Crack joints around a window at random, and push on three bricks: balanced before long.
-
-    As long as friction moved along with what was pressed in each of Newton's steps, these three
-    walls went round in circles within micrometres, until patience ran out.
-    """
+    """Crack joints around a window at random, and push on three bricks: balanced before long."""
+    # As long as friction moved along with what was pressed in each of Newton's steps, these three
+    # walls went round in circles within micrometres, until patience ran out.
     rng = np.random.default_rng(seed)
     plan = wall(10, 20, [(0.7, 0.4, 1.4, 1.0)])
     solver = StressSolver(BondGraph(plan))
@@ -165,3 +167,58 @@ def test_what_stands_does_not_depend_on_iterations_per_step():
     runs = [without(plan, gone, 1, each) for each in (3, 1000)]
     assert 0 < runs[0].sum() < len(plan) - len(gone)
     np.testing.assert_array_equal(runs[0], runs[1])
+
+
+SPAN, PIER, SPRING = 2.25, 0.45, 0.8  # [m] ten bricks and two with their joints: bays are alike
+HOLE = 1.15  # [m] height of what is knocked out: the pier and what springs from it
+FRAME = 1.0 / 60.0  # [s]
+
+
+def arcade(bays):
+    """Build an arcade."""
+    return WallGrammar.load(shared_folder() / 'grammars' / 'arcade.wall').build(
+        seed=0, bays=bays, span=SPAN, pier=PIER, spring=SPRING, wall_height=2.2)
+
+
+def fall(blueprint, bays):
+    """Knock out a pier and what springs from it; return when what it bore comes loose [s]."""
+    scene = Scene(Settings(engine='native'))  # to let bricks loose takes it no time
+    scene.add(blueprint, name='arcade')
+    simulation = Simulation(scene, time_step=FRAME)
+    x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
+    over = (x > bays // 2 * (SPAN + PIER)) & (x < bays // 2 * (SPAN + PIER) + PIER)
+    pier, above = np.flatnonzero(over & (z < HOLE)), np.flatnonzero(over & (z > HOLE))
+    breaking.destroy(simulation.model, simulation.state, pier, Cause.DEMOLITION, 1.0)
+    loose = np.inf
+    while np.median(z[above] - simulation.poses[above, 2]) < 0.1:
+        simulation.step()
+        assert simulation.time < 0.6
+        if simulation.state.standing[above].mean() < 0.5:
+            loose = min(loose, simulation.time)
+    simulation.close()
+    return loose
+
+
+def test_an_arcade_falls_as_fast_however_long_it_is():
+    """Take a pier out of 4 and of 6 bays: what it bore comes loose as soon."""
+    short = fall(arcade(4), 4)
+    assert short < 0.25
+    assert fall(arcade(6), 6) == pytest.approx(short, abs=2.1 * FRAME)
+
+
+@pytest.mark.parametrize('time_step', [FRAME, FRAME / 4.0])
+def test_rounds_under_a_blow_have_their_pace(time_step):
+    """Strike a wall so that joints crack far beyond their strength: once in 1/60 s at most."""
+    scene = Scene(Settings(engine='native'))  # to let bricks loose takes it no time
+    scene.add(wall(14, 20, tension=0.4e6, cohesion=0.5e6))
+    simulation = Simulation(scene, time_step=time_step)
+    masonry.apply_impulses(simulation.state, np.arange(130, 134),
+                           np.tile([0.0, 200.0, 0.0], (4, 1)))
+    cracked = []
+    for _ in range(round(0.05 / time_step)):
+        count = len(simulation.events)
+        simulation.step()
+        if len(simulation.events) > count:
+            cracked.append(simulation.time)
+    assert len(cracked) > 1 and (simulation.events['load'] > 3.0).any()
+    assert np.diff(cracked).min() > FRAME - 1e-6

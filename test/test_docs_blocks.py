@@ -12,29 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""Every block of code in the docs: grammars grow, scenes load, Python runs, commands exist."""
+"""Every block of code in the docs runs, also the step by stages and an engine of one's own."""
 
 from importlib import import_module
 from pathlib import Path
 import re
 import shlex
+import sys
+from types import ModuleType
 
 from node_process import ROOT
+import numpy as np
 import pytest
 
+from procphys_ros.blueprint import Shape
 from procphys_ros.command_line import words as command_words
 from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.world import engine, World
+from procphys_ros.physics.world.bullet import BulletEngine
 from procphys_ros.scene import Scene
 from procphys_ros.scene.parameter_table import GLOBAL
 from procphys_ros.simulation import Simulation
+from procphys_ros.simulation.stages import STAGES
 from procphys_ros.terminal.program import COMMANDS
 from procphys_ros.wallgrammar import WallGrammar
 
 PAGES = {str(path.relative_to(ROOT)): path.read_text('utf-8')
          for path in (ROOT / 'README.md', *sorted(ROOT.glob('docs/**/*.md')))}
 EXECUTED = [page for page, text in PAGES.items() if '```python\n' in text
-            and page not in ('README.md', 'docs/library.md')]  # test_readme.py runs these
+            and page not in ('README.md', 'docs/library.md')]  # tests of the README run these
 SCRIPTS = {**dict(re.findall(r"'(\w+) = ([\w.]+):main'", (ROOT / 'setup.py').read_text('utf-8'))),
            **COMMANDS}
 TESTS = {path.stem for path in ROOT.glob('test/test_*.py')}.union(*(
@@ -200,3 +206,35 @@ def test_files_and_tests_that_are_named_exist(page):
             place = re.sub(r'[<{].*', '', token).rstrip('/')  # a choice of files begins alike
             base = ROOT if folder in outside else ROOT / 'procphys_ros'
             assert [*base.glob(f'{place}*')], token
+
+
+PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'step.md'
+
+
+def test_the_table_lists_all_stages_in_order():
+    """Read the first column of the table."""
+    rows = re.findall(r'^\| ([a-z ]+) \|', PAGE.read_text('utf-8'), re.MULTILINE)
+    assert rows == ['stage', *(stage.name for stage in STAGES)]
+
+
+def test_an_engine_is_a_class_in_a_module_and_a_row_of_the_table(monkeypatch):
+    """Add an engine that counts its steps, and let a body fall with it."""
+    class CountingEngine(BulletEngine):
+        steps = 0
+
+        def step(self, *arguments) -> None:
+            CountingEngine.steps += 1
+            super().step(*arguments)
+
+    module = ModuleType('procphys_ros.physics.world.counting')
+    module.CountingEngine = CountingEngine
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    monkeypatch.setitem(engine.ENGINES, 'counting', 'pybullet')
+    assert 'counting' in engine.installed_engines()
+    with World(engine='counting') as world:
+        body = world.add_body(Shape.BOX, [0.2, 0.1, 0.1], 4.0, np.array([0, 0, 30, 0, 0, 0, 1.0]))
+        for _ in range(30):
+            world.step(1.0 / 60.0)
+        fallen = 30.0 - world.poses([body])[0, 2]
+    assert CountingEngine.steps >= 30
+    assert fallen == pytest.approx(0.5 * 9.81 * 0.5 ** 2, rel=0.002)

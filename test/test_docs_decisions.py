@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The index of decisions and the glossary: complete, short, and about what there is."""
 
 from pathlib import Path

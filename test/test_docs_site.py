@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The documentation builds without a warning; one would be a page that no list names."""
 
 from pathlib import Path
@@ -33,11 +32,8 @@ runpy.run_module(sys.argv[0], run_name='__main__', alter_sys=True)
 
 
 def test_the_site_builds_without_a_warning(tmp_path):
-    """
-    Find every link's target, every page in a list, and every documented class.
-
-    The theme writes the whole sidebar on each page, for a quarter of the time: do without it.
-    """
+    """Find every link's target, every page in a list, and every documented class."""
+    # The theme writes the whole sidebar on each page, for a quarter of the time: do without it.
     for package in ('sphinx', 'myst_parser'):
         pytest.importorskip(package)
     run = subprocess.run(

@@ -12,15 +12,20 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Elementary functions are as exact as they say, and the same for numbers, arrays and kernels."""
+"""Elementary functions, small matrices and components: exact, and the same everywhere."""
 
 import math
 
 import numpy as np
 import pytest
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
 from procphys_ros import elementary
+from procphys_ros.compilation import kernel
 from procphys_ros.elementary import functions
+from procphys_ros.geometry import linear, linear_kernels
+from procphys_ros.physics.masonry import components
 
 _EXACT = np.longdouble  # 64 bits of mantissa on x86-64, by code of its own
 _FEW = 4.0  # units in the last place, as the module says
@@ -119,3 +124,115 @@ def test_weibull_numbers_have_their_mean():
     """Compare the mean with the gamma function of 1 + 1/k."""
     drawn = elementary.weibull(np.random.default_rng(4), 2.5, 100000)
     assert drawn.mean() == pytest.approx(math.gamma(1.4), rel=0.006) and drawn.min() >= 0.0
+
+
+_MATRICES = np.random.default_rng(2)
+
+
+@pytest.mark.parametrize('a, b', [((3,), (3,)), ((3,), (3, 2)), ((4, 3), (3,)), ((4, 3), (3, 5)),
+                                  ((7, 4, 3), (3,)), ((7, 4, 3), (3, 2)), ((7, 4, 3), (7, 3, 2))])
+def test_products_have_the_shapes_of_matmul(a, b):
+    """Multiply vectors, matrices and stacks of them."""
+    a, b = _MATRICES.normal(size=a), _MATRICES.normal(size=b)
+    np.testing.assert_allclose(linear.product(a, b), a @ b, rtol=1e-13, atol=1e-14)
+
+
+def test_norms_dots_and_determinants():
+    """Compare with `numpy.linalg`."""
+    a, b = _MATRICES.normal(size=(2, 6, 3))
+    np.testing.assert_allclose(linear.norm(a, axis=1), np.linalg.norm(a, axis=1))
+    np.testing.assert_allclose(linear.norm(a), np.linalg.norm(a))
+    np.testing.assert_allclose(linear.dot(a, b), (a * b).sum(axis=1))
+    stack = _MATRICES.normal(size=(5, 3, 3))
+    np.testing.assert_allclose(linear.determinant(stack), np.linalg.det(stack))
+    np.testing.assert_allclose(linear.solve(stack[0, :2, :2], [1.0, 2.0]),
+                               np.linalg.solve(stack[0, :2, :2], [1.0, 2.0]))
+    with pytest.raises(ZeroDivisionError):
+        linear.solve(np.ones((2, 2)), [1.0, 2.0])
+
+
+@pytest.mark.parametrize('count', [2, 3, 6])
+def test_eigenvectors_diagonalise(count):
+    """Order eigenvalues, and find orthonormal vectors, also where eigenvalues are alike."""
+    root = _MATRICES.normal(size=(50, count, count))
+    matrices = root @ root.transpose(0, 2, 1)
+    matrices[0], matrices[1] = np.eye(count), np.zeros((count, count))
+    matrices[2] = np.diag(np.arange(count)[::-1].astype(float))
+    matrices[3, :] = 1.0  # of rank 1
+    values, vectors = linear.eigen(matrices.transpose(1, 2, 0).copy().transpose(2, 0, 1))
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(matrices), rtol=1e-12, atol=1e-13)
+    back = np.einsum('nij,nj,nkj->nik', vectors, values, vectors)
+    np.testing.assert_allclose(back, matrices, rtol=1e-12, atol=1e-13)
+    turned = np.einsum('nji,njk->nik', vectors, vectors)
+    np.testing.assert_allclose(turned, np.tile(np.eye(count), (50, 1, 1)), atol=1e-13)
+
+
+@kernel
+def _invert(matrix, right):
+    return linear_kernels.inverse(matrix), linear_kernels.solve(matrix, right)
+
+
+def test_inverses_in_kernels():
+    """Invert a matrix whose first pivot is zero, and one whose units differ by 1e6."""
+    scale = np.diag([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
+    root = _MATRICES.normal(size=(6, 6))
+    for matrix in (np.array([[0.0, 2.0], [1.0, 3.0]]), scale @ (root @ root.T) @ scale):
+        right = _MATRICES.normal(size=len(matrix))
+        inverse, solution = _invert(matrix, right)
+        np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(matrix @ solution, right, rtol=1e-7, atol=1e-8)
+
+
+def pairs_of(*pairs):
+    """Return first and second of bonds, ground written as 'g' in a graph of ten parts."""
+    array = np.array([[10 if p == 'g' else p for p in pair] for pair in pairs], np.int32)
+    return array[:, 0].copy(), array[:, 1].copy()
+
+
+def test_ground_supports_but_does_not_join():
+    """Keep two islands apart that both stand on the ground."""
+    first, second = pairs_of(('g', 0), (0, 1), ('g', 5), (5, 4))
+    labels, supported = components.label(10, first, second, np.ones(4, bool))
+    assert labels[0] == labels[1] == 0
+    assert labels[4] == labels[5] == 4
+    assert np.flatnonzero(supported).tolist() == [0, 1, 4, 5]
+
+
+def test_cut_takes_the_ground_from_what_hangs_on_it():
+    """Cut the bond that carries an arm: the arm falls, the rest stands."""
+    first, second = pairs_of(('g', 0), (0, 1), (1, 2), (2, 3), (3, 4))
+    alive = np.array([True, True, False, True, True])
+    labels, supported = components.label(10, first, second, alive)
+    assert supported[[0, 1]].all() and not supported[2:5].any()
+    falling = np.zeros(10, bool)
+    falling[:5] = ~supported[:5]
+    assert [g.tolist() for g in components.groups(labels, falling)] == [[2, 3, 4]]
+
+
+def test_groups_list_each_component_once_in_order():
+    """Split several falling pieces into ascending part lists."""
+    first, second = pairs_of((7, 2), (5, 9), (9, 8))
+    labels, supported = components.label(10, first, second, np.ones(3, bool))
+    pieces = components.groups(labels, ~supported)
+    assert [p.tolist() for p in pieces] == [[0], [1], [2, 7], [3], [4], [5, 8, 9], [6]]
+    assert components.groups(labels, np.zeros(10, bool)) == []
+
+
+def test_labels_agree_with_scipy_on_random_graphs():
+    """Find the same partition as scipy for graphs from dust to one lump."""
+    rng = np.random.default_rng(11)
+    count = 2000
+    for bonds in (200, 1000, 1500, 5000):
+        first, second = rng.integers(0, count + 1, (2, bonds)).astype(np.int32)
+        keep = first != second
+        first, second = first[keep], second[keep]
+        alive = rng.random(len(first)) < 0.8
+        labels, supported = components.label(count, first, second, alive)
+        inner = alive & (first < count) & (second < count)
+        matrix = coo_matrix((np.ones(inner.sum()), (first[inner], second[inner])), (count, count))
+        number, expected = connected_components(matrix, directed=False)
+        assert len(np.unique(labels)) == number
+        assert len(np.unique(labels.astype(np.int64) * count + expected)) == number
+        feet = np.minimum(first, second)[alive & ((first == count) | (second == count))]
+        np.testing.assert_array_equal(supported, np.isin(expected, expected[feet]))
+        assert np.all(labels[labels] == labels) and np.all(labels <= np.arange(count))

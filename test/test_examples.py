@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Examples run as they are, and show what they say."""
 
 from pathlib import Path

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """
 The flaws that Baxter et al. (2010) report of their trees, each measured on a scene of theirs.
 
@@ -111,12 +110,9 @@ def stand() -> _Stand:
 
 
 def _damping(speed: np.ndarray, sway: np.ndarray) -> np.ndarray:
-    """
-    Compute the damping ratio of the fastest segment of trees as it calms down, (K,).
-
-    The speed falls by the decay rate from its peak over one window of 5 s to that over another,
-    30 s later; the sway of the tree's centre of mass counts the cycles between them.
-    """
+    """Compute the damping ratio of the fastest segment of trees as it calms down, (K,)."""
+    # The speed falls by the decay rate from its peak over one window of 5 s to that over another,
+    # 30 s later; the sway of the tree's centre of mass counts the cycles between them.
     per_second = round(1.0 / _STEP)
     peak = [speed[t * per_second:(t + 5) * per_second].max(axis=0) for t in (10, 40)]
     swings = ((sway[1:] * sway[:-1]) < 0.0)[:20 * per_second].sum(axis=0) / 40.0
@@ -125,13 +121,10 @@ def _damping(speed: np.ndarray, sway: np.ndarray) -> np.ndarray:
 
 @pytest.mark.report('flaws')
 def test_no_violent_motion_of_light_branches(stand: _Stand, measured):
-    """
-    No branch outruns the air that pushes it, and none moves in still air.
-
-    Drag does no work on what moves with the air, so only springs let go could pass its speed.
-    Bones that overlap, which made the paper's branches thrash, push nothing here; in the paper's
-    way the same tree throws its segments about with no wind and no weight.
-    """
+    """No branch outruns the air that pushes it, and none moves in still air."""
+    # Drag does no work on what moves with the air, so only springs let go could pass its speed.
+    # Bones that overlap, which made the paper's branches thrash, push nothing here; in the paper's
+    # way the same tree throws its segments about with no wind and no weight.
     measured.within('violent motion: fastest segment over fastest air in a gale', stand.pace, 0.0,
                     1.0)
     overlapping = bush()
@@ -152,12 +145,9 @@ def test_no_violent_motion_of_light_branches(stand: _Stand, measured):
 
 @pytest.mark.report('flaws')
 def test_no_branch_in_perpetual_motion(stand: _Stand, measured):
-    """
-    Every tree calms down in still air at least as fast as green wood alone damps it.
-
-    A loss factor of 4 % of green wood is a damping ratio of 0.02: a tenth of the motion is left
-    after 18 cycles. The fastest segment of each tree is what is watched, so no twig is left out.
-    """
+    """Every tree calms down in still air at least as fast as green wood alone damps it."""
+    # A loss factor of 4 % of green wood is a damping ratio of 0.02: a tenth of the motion is left
+    # after 18 cycles. The fastest segment of each tree is what is watched, so no twig is left out.
     damping = _damping(stand.speed, stand.sway)
     species = damping.reshape(len(_SPECIES), -1).min(axis=1)
     left = stand.speed[-300:].max() / stand.speed[:300].max()
@@ -234,11 +224,8 @@ def _path(tree: Blueprint) -> np.ndarray:
 
 
 def _softness_of_wood(tree: Blueprint, path: np.ndarray, modulus: np.ndarray) -> float:
-    """
-    Compute the compliance of the middle of the last segment along x [m/N].
-
-    The integral of M²/(E·I) over the tapered stem (Castigliano), without joints and lumps.
-    """
+    """Compute the compliance of the middle of the last segment along x [m/N]."""
+    # The integral of M²/(E·I) over the tapered stem (Castigliano), without joints and lumps.
     length, thick, thin = (tree.visual_size[path, c].copy() for c in (2, 0, 1))
     length[-1] *= 0.5
     thin[-1] = 0.5 * (thick[-1] + thin[-1])
@@ -274,14 +261,11 @@ def _springiness(tree: Blueprint, name: str) -> float:
 @pytest.mark.report('flaws')
 @pytest.mark.parametrize('name', sorted(_STEMS))
 def test_trees_are_not_too_springy(name: str, measured):
-    """
-    Stems are as stiff as solid, tapered beams of their green wood.
-
-    A chain is softer than the beam, above all where the pull acts on the middle of a long segment:
-    bent at its joint alone, its lower half gives way three times as far as spread along it. For
-    the limb of the oak, 2.4 m long, that makes a fifth. Roots are held, for the ground gives way
-    too.
-    """
+    """Stems are as stiff as solid, tapered beams of their green wood."""
+    # A chain is softer than the beam, above all where the pull acts on the middle of a long
+    # segment: bent at its joint alone, its lower half gives way three times as far as spread along
+    # it. For the limb of the oak, 2.4 m long, that makes a fifth. Roots are held, for the ground
+    # gives way too.
     tree = LSystem.load(_GRAMMARS / f'{name}.lsys').build(
         seed=0, **({} if name == 'palm' else _FIRM))
     ratio = _springiness(tree, name)
@@ -329,11 +313,8 @@ def _leaf_motion(flutter: bool, speed: float) -> tuple[float, float, float]:
 
 @pytest.mark.report('flaws')
 def test_leaves_move_finely(measured):
-    """
-    Leaves turn about their petioles, visibly, faster than any branch sways, each on its own.
-
-    A degree of a blade of 6 cm is a millimetre at its tip; a birch sways at 0.5 Hz.
-    """
+    """Leaves turn about their petioles, visibly, faster than any branch sways, each on its own."""
+    # A degree of a blade of 6 cm is a millimetre at its tip; a birch sways at 0.5 Hz.
     turn, rate, alike = _leaf_motion(True, 6.0)
     measured.within('leaves: turn about their mean at 6 m/s, rms', np.degrees(turn), 1.0, 45.0,
                     '°')

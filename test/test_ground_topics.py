@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The ground on topics: what a viewer is told of terrain and paving is what is simulated."""
 
 import json

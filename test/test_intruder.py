@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The intruder: where it goes, what it pushes, and the wrench on it."""
 
 from grown_trees import BENDING, LENGTH
@@ -98,11 +97,8 @@ def test_the_mast_springs_back_when_it_leaves():
 
 
 def test_it_pushes_loose_blocks_along():
-    """
-    Push a block over the ground: it goes as fast, and friction is felt.
-
-    Friction on the pushed side may press the block down as well: F = μ(m·g + μ·F) at most.
-    """
+    """Push a block over the ground: it goes as fast, and friction is felt."""
+    # Friction on the pushed side may press the block down as well: F = μ(m·g + μ·F) at most.
     simulation = scene_of(mast(), shape='box', size=[0.5, 0.5, 0.5])
     body = simulation.state.world.add_body(Shape.BOX, np.full(3, 0.4), 20.0,
                                            np.array([5.0, 0.0, 0.2, *_TURN]))

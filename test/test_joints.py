@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Joints of the engine of our own, against closed forms."""
 
 import numpy as np

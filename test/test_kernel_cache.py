@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Compiled kernels: found again by later processes, never after what they contain has changed."""
 
 from concurrent.futures import ThreadPoolExecutor

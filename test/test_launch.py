@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The launch file, where there is `launch` (no wheel of it exists, a ROS machine has it)."""
 
 from importlib.util import module_from_spec, spec_from_file_location

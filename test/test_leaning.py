@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Trees of a scene begin where its mean wind holds them."""
 
 from collections.abc import Sequence
@@ -153,13 +152,10 @@ def test_still_air_bends_nothing():
 
 
 def test_as_much_breaks_as_of_trees_that_have_stood():
-    """
-    Count broken joints in the same three seconds of 24 m/s.
-
-    Trees that were unbreakable before, trees that begin then, and trees that the wind jumps at:
-    43, 36 and more than 100. At 20 m/s, which breaks fewer, a hundred trees in ten seconds
-    lost 111, 133 and more than 300 in all for seeds 0 to 3.
-    """
+    """Count broken joints in the same three seconds of 24 m/s."""
+    # Trees that were unbreakable before, trees that begin then, and trees that the wind jumps at:
+    # 43, 36 and more than 100. At 20 m/s, which breaks fewer, a hundred trees in ten seconds
+    # lost 111, 133 and more than 300 in all for seeds 0 to 3.
     stood = _stand(50, 24.0, 2, 0.2)
     begun, jumped = stood.fork(), stood.fork()
     capacity = stood.state.forest._capacity

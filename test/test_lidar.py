@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Ranges of a simulated lidar against closed forms, and against every ray with every part."""
 
 import math

@@ -12,13 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""The linters that ROS packages are judged by, and the type checker, find nothing."""
 
-"""
-The linters that ROS packages are judged by, and the type checker, find nothing.
-
-They remember what they have found clean: linters that look at a file at a time by its content, in
-the cache of pytest, and mypy in its own.
-"""
+# They remember what they have found clean: linters that look at a file at a time by its content,
+# in the cache of pytest, and mypy in its own.
 
 from functools import cache
 import hashlib

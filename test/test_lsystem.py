@@ -12,15 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Grammars of plants: the language, the book that it comes from, and its reference."""
 
-"""Derivation of L-systems: known strings and lengths, chance, decomposition, bounds."""
+from pathlib import Path
+import re
 
 import numpy as np
 import pytest
 
+from procphys_ros.appearance.palette import LOOKS
 from procphys_ros.errors import GrammarError
 from procphys_ros.files.resources import shared_folder
+from procphys_ros.language.arithmetic import FUNCTIONS, RANDOM_FUNCTIONS
 from procphys_ros.lsystem import LSystem
+from procphys_ros.lsystem.statements import HEADERS
+from procphys_ros.lsystem.symbols import ATTRIBUTES, LEAF_SIZE, LENGTH, RATE, REACH, STEP, SYMBOLS
 
 # Lengths of the strings of published systems at n = 0, 1, 2, ... and the final number of F.
 _BUSH = """
@@ -283,3 +289,136 @@ def test_large_string_equals_small_ones():
     together = _text('axiom: ' + ' '.join(f'A({a},{b})' for a, b in starts) + rules, 6)
     alone = ''.join(_text(f'axiom: A({a},{b})' + rules, 6) for a, b in starts)
     assert together == alone and np.isclose(together.count('F'), alone.count('F'))
+
+
+# Figure: successor of the module in the middle for left, middle, right of 000, 001, … 111;
+# derivation length; number of segments that the string then holds, counted by `_derive` below.
+_FIGURES = {
+    'a': ('0 1[+F1F1] 1 1 0 1F1 0 0', 30, 2501),
+    'b': ('1 1[-F1F1] 1 1 0 1F1 1 0', 30, 5626),
+    'c': ('0 1 0 1[+F1F1] 0 1F1 0 0', 26, 944),
+    'd': ('1 0 0 1F1 1 1[+F1F1] 1 0', 24, 2356),
+    'e': ('0 1[-F1F1] 1 1 0 1F1 1 0', 26, 824),
+}
+
+
+def _grammar(successors: str) -> str:
+    rules = [f'{n >> 2 & 1} < {n >> 1 & 1} > {n & 1} -> {successor}'
+             for n, successor in enumerate(successors.split())]
+    return '\n'.join(['axiom: F1F1F1', 'ignore: + - F', 'production:', *rules,
+                      '* < + > * -> -', '* < - > * -> +'])
+
+
+def _neighbours(text: str, place: int) -> str:
+    """Find the symbols before and behind a place on the tree, by the words of the book (p. 32)."""
+    left = right = ''
+    i = place - 1
+    while i >= 0 and not left:
+        if text[i] == ']':
+            depth = 1
+            while depth:
+                i -= 1
+                depth += {']': 1, '[': -1}.get(text[i], 0)
+        elif text[i] not in '+-F[':
+            left = text[i]
+        i -= 1
+    i = place + 1
+    while i < len(text) and text[i] != ']' and not right:
+        if text[i] == '[':
+            depth = 1
+            while depth:
+                i += 1
+                depth += {'[': 1, ']': -1}.get(text[i], 0)
+        elif text[i] not in '+-F':
+            right = text[i]
+        i += 1
+    return (left or '.') + text[place] + (right or '.')
+
+
+def _derive(successors: str, steps: int) -> str:
+    rules = {f'{n:03b}': successor for n, successor in enumerate(successors.split())}
+    text = 'F1F1F1'
+    for _ in range(steps):
+        text = ''.join({'+': '-', '-': '+'}.get(c) or (
+            rules.get(_neighbours(text, i), c) if c in '01' else c) for i, c in enumerate(text))
+    return text
+
+
+@pytest.mark.parametrize('figure', _FIGURES)
+def test_figures_with_digits_as_modules(figure, recwarn):
+    """Derive the figures from F1F1F1 to their full length, as an independent reading does."""
+    successors, steps, segments = _FIGURES[figure]
+    system = LSystem.parse(_grammar(successors))
+    for length in (1, 2, steps // 2, steps):
+        assert str(system.derive(length)) == _derive(successors, length)
+    assert str(system.derive(steps)).count('F') == segments
+    assert not list(recwarn)
+
+
+_TEXT = (Path(__file__).resolve().parents[1] / 'docs' / 'lsystem.md').read_text('utf-8')
+
+
+def _rows(heading: str) -> list[list[str]]:
+    """Return the cells of the table under a heading; names lose their backquotes."""
+    section = re.split(r'^#+ ', _TEXT.split(f'# {heading}\n', 1)[1], flags=re.MULTILINE)[0]
+    rows = [[cell.strip() for cell in re.split(r'(?<!\\)\|', line)[1:-1]]
+            for line in section.splitlines() if line.startswith('| `')]
+    assert rows
+    return rows
+
+
+def _names(cell: str) -> list[str]:
+    return [name.replace('\\|', '|') for name in re.findall(r'`([^`]+)`', cell)]
+
+
+def test_sections():
+    """List every section, in whatever order."""
+    assert sorted(_names(row[0])[0] for row in _rows('Sections')) == sorted(HEADERS)
+
+
+def test_symbols():
+    """List every symbol and every query with its numbers of parameters."""
+    rows = _rows('Symbols') + _rows('Queries')
+    found = {re.sub(r'^[?]E[(](\w+);.*', r'?E \1', _names(row[0])[0]):
+             tuple(int(n) for n in row[1].split(',')) for row in rows}
+    physics = {name for a in ATTRIBUTES for name in (a.name, a.name + 'Rate')} - {'Leaf'}
+    assert found == {name: symbol.arities for name, symbol in SYMBOLS.items()
+                     if name not in physics}
+
+
+def test_physics():
+    """Check the documented default, range and unit of every attribute."""
+    rows = {_names(row[0])[0]: row[1:5] for row in _rows('Physics')}
+    assert list(rows) == [a.name for a in ATTRIBUTES if a.name != 'Leaf']
+    for attribute in ATTRIBUTES[:-1]:
+        default, low, high, unit = rows[attribute.name]
+        assert (float(low), float(high), unit) == tuple(attribute.allowed)
+        if np.isinf(attribute.default):
+            assert default == 'never'
+        elif not np.isnan(attribute.default):
+            assert float(default) == attribute.default
+        else:
+            assert default in ('E·I/L', 'locked', 'derived')
+
+
+@pytest.mark.parametrize('words, allowed', [
+    ('segments are from {:g} to {:g} m', LENGTH), ('moves from {:g} to {:g} m', STEP),
+    ('leaves from {:g} to {:g} m', LEAF_SIZE), ('factor from {:g} to {:g}', RATE)])
+def test_ranges_in_the_text(words, allowed):
+    """Say the ranges of all other parameters."""
+    assert words.format(allowed.low, allowed.high) in _TEXT.replace('\n', ' ')
+    assert REACH.high == 1e4 and 'beyond 10 km' in _TEXT
+
+
+def test_functions():
+    """List every function with its number of arguments."""
+    found = {name: row[1] for row in _rows('Expressions') for name in _names(row[0])}
+    wanted = {**FUNCTIONS, **RANDOM_FUNCTIONS}
+    assert found == {name: f'{least}' if least == most else f'{least} to {most}'
+                     for name, (_, least, most) in wanted.items()}
+
+
+def test_textures():
+    """List every texture."""
+    section = _TEXT.split('## Textures\n', 1)[1].split('\n## ', 1)[0]
+    assert _names(section) == list(LOOKS)

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Mechanisms in motion: joints of grammars against closed forms of mechanics."""
 
 from math import acos, atan2, cos, hypot, pi, radians, sin

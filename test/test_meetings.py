@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What meets trees, one sentence after the other: blows, roofs, heaps of trees, and rest."""
 
 from grown_trees import bush, effective_mass
@@ -249,13 +248,11 @@ def test_a_stem_that_falls_on_a_roof_breaks_it():
 
 
 def test_stems_come_to_rest_on_each_other():
-    """
-    Stack them crosswise on the ground: each lies on those below, for good.
-
-    Capsules in a row leave notches between their caps, and stems roll into them. Caps of 0.1 m
-    touch with their centres 0.2 m apart: on a crest these are one over the other, and where notch
-    lies in notch the height is sqrt(0.2² - 0.1² - 0.1²). The middle is between the supports.
-    """
+    """Stack them crosswise on the ground: each lies on those below, for good."""
+    # Capsules in a row leave notches between their caps, and stems roll into them. Caps of 0.1 m
+    # touch with their centres 0.2 m apart: on a crest these are one over the other, and where
+    # notch lies in notch the height is sqrt(0.2² - 0.1² - 0.1²). The middle is between the
+    # supports.
     stems = [(log(), (0.0, 8.0 * i, 0.0)) for i in range(4)]
     simulation = scene_of(*stems)
     for i, x in enumerate((4.5, 5.5)):

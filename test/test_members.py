@@ -203,12 +203,9 @@ def test_a_crack_softens_a_reinforced_beam():
 
 
 def test_steel_that_yields_passes_its_load_on():
-    """
-    Yield in one span of three: the other two take the rest, and the middle one hangs on.
-
-    Three beams of equal stiffness share a load through a stiff block on them; the steel of the
-    middle one holds half of the moment that the others' holds.
-    """
+    """Yield in one span of three: the other two take the rest, and the middle one hangs on."""
+    # Three beams of equal stiffness share a load through a stiff block on them; the steel of the
+    # middle one holds half of the moment that the others' holds.
     names = ('bonds', 'bond_frame', 'bond_extent', 'bond_area')
     parts = [beam('concrete', s).placed([0.0, y, 0.0])
              for s, y in ((2.5e6, -0.2), (1.0e6, 0.0), (2.5e6, 0.2))]
@@ -308,12 +305,9 @@ def test_slabs_and_rafters_can_break_in_the_middle():
 
 
 def test_a_nail_holds_a_tile_as_tables_say():
-    """
-    Pull a tile off its roof: it holds more than 0.2 kN, and less than 0.9 kN.
-
-    A nail of 3.1 mm that is driven 40 mm into C24 holds 20e-6·350²·3.1·40 N (EN 1995-1-1 8.23,
-    8.25), and there is one at either batten.
-    """
+    """Pull a tile off its roof: it holds more than 0.2 kN, and less than 0.9 kN."""
+    # A nail of 3.1 mm that is driven 40 mm into C24 holds 20e-6·350²·3.1·40 N (EN 1995-1-1 8.23,
+    # 8.25), and there is one at either batten.
     plan, pairs = hut(roof='gable(40)')
     nails = between(pairs, 'batten', 'tile')
     hold = plan.mortar.tension[nails] * plan.bond_area[nails]

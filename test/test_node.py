@@ -12,8 +12,9 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The node over loopback: a real `sim` in another process, a real client in this one."""
+
+# It takes commands, parameters and reloads, refuses huge and strange ones, and sends what changes.
 
 import json
 import math
@@ -36,6 +37,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 WHOLE_SETS = 3  # of markers that a new subscriber gets, lest the first come too early
+MEGABYTE = 1_200_000
+BRICKS = 400  # fewer than the wall has
 
 
 @pytest.fixture(scope='module', autouse=True)
@@ -55,10 +58,27 @@ def client():
     client.close()
 
 
+@pytest.fixture
+def altered(client):
+    """Return the client, and leave the node with the scene and settings that it began with."""
+    yield client
+    for name, value in (('scene.objects', ['sapling', 'post']), ('post.grammar_text', SAPLING),
+                        ('time_step', 1.0 / 60.0), ('culling.sleeping', False),
+                        ('dust.enabled', True)):
+        assert client.set_parameter(name, value).successful, name
+    client.switch('set_pause', False)
+    assert client.trigger('reload_scene').success
+
+
 def array_of(message: PoseArray) -> np.ndarray:
     """Read poses as an array (N, 7)."""
     return np.array([[p.position.x, p.position.y, p.position.z, p.orientation.x, p.orientation.y,
                       p.orientation.z, p.orientation.w] for p in message.poses])
+
+
+def parts(client: Client) -> int:
+    """Count the parts that are published."""
+    return len(client.next_message(PoseArray, '/sim/poses').poses)
 
 
 def count(values: dict[str, str], key: str) -> int:
@@ -335,13 +355,28 @@ def test_integers_are_accepted_for_doubles(client):
     ('sapling.count', 2.5, 'whole number'),
     ('scene.objects', ['wind'], 'cannot name an object'),
     ('scene.objects', ['two words'], 'letters'),
+    ('scene.objects', [f'o{i}/' for i in range(100_000)], 'cannot name an object'),
+    ('scene.cues', ['1 gust'] * 5 + ['2 gale'], 'scene.cues[5]'),
+    ('scene.cues', ['x' * MEGABYTE], 'scene.cues[0]'),
+    ('demolition.delays', [1.0] * 99 + [math.nan], 'demolition.delays'),
+    ('world_frame', '', 'read'),
 ])
 def test_bad_parameter_is_refused_with_a_reason(client, name, value, said):
-    """Leave the old value, and say what is allowed."""
+    """Leave the old value, and say in few words what is allowed."""
     before = client.get_parameter(name)
     result = client.set_parameter(name, value)
-    assert not result.successful and said in result.reason
+    assert not result.successful and said in result.reason and len(result.reason) < 1000
     assert client.get_parameter(name) == before
+
+
+def test_a_huge_projectile_is_refused_when_it_is_launched(client):
+    """Judge in few words what only its use can judge."""
+    size = client.get_parameter('projectile.size')
+    assert client.set_parameter('projectile.size', [1.0] * 100_000).successful
+    answer = client.trigger('launch_projectile')
+    assert not answer.success and 'projectile.size' in answer.message
+    assert len(answer.message) < 1000
+    assert client.set_parameter('projectile.size', size).successful
 
 
 @pytest.mark.parametrize(('names', 'said'), [
@@ -351,13 +386,14 @@ def test_bad_parameter_is_refused_with_a_reason(client, name, value, said):
     (['scene.objects', 'elm.grammer'], 'no parameter elm.grammer; did you mean elm.grammar'),
     (['scene.objects', 'elm.count'], 'elm.count is 1.5, it must be a whole number'),
     (['scene.objects', 'elm.grammar', 'seed'], 'seed out of range'),
+    (['publish_rate', 'wind.velocity'], 'wind.velocity'),
     (['qos_overrides.nothing'], 'qos_overrides.nothing'),
 ])
 def test_an_unknown_parameter_is_named(client, names, said):
     """Say which one of those that are set at once does not exist, and change none."""
     before = client.get_parameter('publish_rate')
     given = {'publish_rate': 7.0, 'scene.objects': ['elm'], 'elm.grammar': 'oak.lsys',
-             'elm.count': 1.5, 'seed': -1}
+             'elm.count': 1.5, 'seed': -1, 'wind.velocity': [1.0, 2.0, 999.0]}
     result = client.call(
         SetParametersAtomically, '/sim/set_parameters_atomically',
         SetParametersAtomically.Request(parameters=[
@@ -384,7 +420,7 @@ def test_an_object_comes_with_its_parameters(client):
         assert list(np.ravel(client.get_parameter(name))) == list(np.ravel(value))
     assert client.get_parameter('fir.layout') == 'grid'
     assert client.trigger('reload_scene').success
-    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS + 8
+    assert parts(client) == PARTS + 8
     assert client.set_parameter('scene.objects', ['sapling', 'post']).successful
     assert client.trigger('reload_scene').success
 
@@ -394,14 +430,103 @@ def test_reload_takes_new_objects_and_keeps_the_scene_on_an_error(client):
     assert client.set_parameter('scene.objects', ['sapling', 'post', 'elm']).successful
     answer = client.trigger('reload_scene')
     assert not answer.success and 'elm' in answer.message
-    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS
+    assert parts(client) == PARTS
     assert client.set_parameter('elm.grammar_text', 'axiom: F(1) F(1').successful
     answer = client.trigger('reload_scene')
     assert not answer.success and 'elm.grammar_text:1' in answer.message
     assert client.set_parameter('elm.grammar_text', SAPLING).successful
     assert client.trigger('reload_scene').success
-    assert len(client.next_message(PoseArray, '/sim/poses').poses) == PARTS + 4
+    assert parts(client) == PARTS + 4
     scene = json.loads(client.next_message(String, '/sim/scene_description', LATCHED).data)
     assert scene['objects'][-1] == {'name': 'elm', 'first': 16, 'count': 4}
     assert client.set_parameter('scene.objects', ['sapling', 'post']).successful
     assert client.trigger('reload_scene').success
+
+
+def test_a_long_grammar_is_read(altered):
+    """Take a text that is long because much is explained in it."""
+    text = SAPLING + '\n'.join(['# ' + 'why ' * 20] * 2000)
+    assert len(text) > 100_000
+    assert altered.set_parameter('post.grammar_text', text).successful
+    answer = altered.trigger('reload_scene')
+    assert answer.success, answer.message
+    assert parts(altered) == PARTS
+
+
+@pytest.mark.parametrize('text', ['F(' * (MEGABYTE // 2), '🌳' * (MEGABYTE // 4), 'x' * MEGABYTE,
+                                  'axiom: ' + 'F(1) ' * (MEGABYTE // 5)])
+def test_a_megabyte_of_nonsense_is_refused_in_few_words(altered, text):
+    """Say how long a text may be, keep the old scene, and answer on."""
+    assert altered.set_parameter('post.grammar_text', text).successful
+    answer = altered.trigger('reload_scene')
+    assert not answer.success and len(answer.message) < 1000
+    assert 'post' in answer.message and 'the scene stays' in answer.message
+    assert 'characters, at most' in answer.message
+    assert parts(altered) == PARTS
+
+
+def test_reload_takes_other_settings(altered):
+    """Go over to another time step, seed, and schemes without a restart."""
+    for name, value in (('time_step', 0.01), ('seed', 99), ('culling.sleeping', True),
+                        ('dust.enabled', False)):
+        assert altered.set_parameter(name, value).successful
+    assert altered.trigger('reload_scene').success
+    altered.switch('set_pause', True)
+    before = float(altered.trigger('step_simulation').message.split()[-2])
+    after = float(altered.trigger('step_simulation').message.split()[-2])
+    assert after - before == pytest.approx(0.01, abs=1e-6)
+
+
+def test_a_standing_wall_costs_no_markers(altered):
+    """Send all markers to a new subscriber, and then nothing while nothing moves."""
+    assert altered.set_parameter('scene.objects', ['wall']).successful
+    assert altered.set_parameter('wall.grammar', 'garden_wall.wall').successful
+    assert altered.trigger('reload_scene').success
+    received = altered.listen(MarkerArray, '/sim/markers')
+    altered.spin_until(lambda: received, 'the whole set')
+    clock = altered.listen(Clock, '/clock')
+    altered.spin_until(lambda: len(clock) > 200, 'seven seconds')
+    assert len(received) <= WHOLE_SETS + 1  # that of the scene loaded before may be late
+    assert all(len(array.markers) > BRICKS for array in received)
+
+
+def test_messages_of_another_type_are_not_heard(client):
+    """Go on when somebody publishes another type on a topic that is listened to."""
+    publisher = client.node.create_publisher(String, '/sim/wind', 10)
+    status = client.watch_status()
+    before = int(status()['commands rejected']), int(status()['commands taken'])
+    for _ in range(5):
+        publisher.publish(String(data='a gale from the west'))
+        assert parts(client) == PARTS
+    seen = status()
+    client.spin_until(lambda: status() != seen, 'the next status')
+    assert (int(status()['commands rejected']), int(status()['commands taken'])) == before
+    client.node.destroy_publisher(publisher)
+
+
+def test_a_thousand_commands_are_all_answered_for(process, client):
+    """Count every command of a flood as taken or as rejected; warn of few, to fill no disk."""
+    publisher = client.publisher(WrenchStamped, '/sim/impulse')
+    status = client.watch_status()
+    first = count(status(), 'rejected impulse')
+    client.send_until(lambda: count(status(), 'rejected impulse') > first, 'a rejection',
+                      (publisher, wrench('nobody/1', 1e-3)))
+    before = status()
+    for i in range(1000):
+        publisher.publish(wrench('sapling_0/1' if i % 2 else 'nobody/1', 1e-3))
+    for key in ('commands taken', 'commands rejected'):
+        goal = int(before[key]) + 500
+        client.spin_until(lambda: int(status()[key]) >= goal, f'{goal} {key}')  # noqa: B023
+        assert int(status()[key]) == goal
+    warnings = process.complaints().count(' rejected: ')
+    assert 1 <= warnings <= 250
+
+
+def test_overloaded_node_slows_down_and_still_answers(client):
+    """Ask for far more than can be computed: services answer, the status warns."""
+    assert client.set_parameter('real_time_factor', 1000.0).successful
+    values = client.diagnostics_where(lambda v: v['message'].startswith('overloaded'))
+    assert float(values['real-time factor']) < 950.0
+    assert client.switch('set_wind_enabled', True).success
+    assert client.set_parameter('real_time_factor', 1.0).successful
+    client.diagnostics_where(lambda v: v['real-time factor wanted'] == '1')

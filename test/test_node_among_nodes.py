@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The node among other nodes: late joiners, other clocks, dumps of parameters, life cycles."""
 
 from threading import enumerate as enumerate_threads

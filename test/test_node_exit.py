@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """How the node starts and ends: exit codes, one readable line, no traceback."""
 
 from array import array

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What the node offers to the graph: topics, their quality of service, services, parameters."""
 
 from pathlib import Path

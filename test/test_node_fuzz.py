@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Thousands of random commands, parameters, names and texts: none ends the node or its sense."""
 
 import math

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Two nodes over DDS simulate one scene: what they publish merges, what is said reaches both."""
 
 import json

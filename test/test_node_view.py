@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """What a viewer shows: it follows what moves, comes, vanishes, and is loaded anew."""
 
 import json

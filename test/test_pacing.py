@@ -12,14 +12,16 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Pacing of steps against a clock: how many are due, and what else is."""
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from procphys_ros.ros import leaf_publisher
 from procphys_ros.ros.late_joiners import LateJoinerTracker
+from procphys_ros.ros.leaf_publisher import LeafPublisher
 from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 
 STEP = 1 / 60
@@ -141,3 +143,18 @@ def test_newcomers_are_told_at_once_and_twice_more():
         clock.now += TICK
         told += [clock.now] if tracker.are_waiting() else []
     assert told == pytest.approx([101.0, 105.0], abs=TICK)
+
+
+def test_the_last_poses_before_time_stands_still_go_out(monkeypatch):
+    """Publish what moved between two turns of a slow topic, though nothing has moved since."""
+    clock, sent = SimpleNamespace(now=0.0), []
+    monkeypatch.setattr(leaf_publisher, 'RateLimiter',
+                        lambda rate, early: RateLimiter(rate, early, lambda: clock.now))
+    monkeypatch.setattr(leaf_publisher.qos, 'publisher', lambda *_, **__: SimpleNamespace(
+        publish=sent.append, get_subscription_count=lambda: 1))
+    publisher = LeafPublisher(None, 'world')
+    simulation = SimpleNamespace(time=0.0, leaf_poses=lambda: np.zeros((1, 7)))
+    for clock.now, has_moved in ((0.0, True), (0.1, True), (0.2, False), (1.0, False),
+                                 (2.0, False)):
+        publisher.publish(simulation, has_moved, 1.0)
+    assert len(sent) == 2

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The house in order: layers import downwards only, files stay small, nothing is left out."""
 
 import ast

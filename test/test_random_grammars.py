@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """No ordinary grammar fails: 200 random trees and walls, in wind, struck and shot at."""
 
 from collections.abc import Iterator

@@ -294,11 +294,8 @@ def test_files_that_are_none(tmp_path, name, content, complaint):
 
 
 def test_damaged_files_are_read_or_refused(tmp_path):
-    """
-    Change bytes of a recording at random: each is read, or refused as `replay` tells it.
-
-    Before that was so, 444 of 2,000 such changes ended in other errors than ours.
-    """
+    """Change bytes of a recording at random: each is read, or refused as `replay` tells it."""
+    # Before that was so, 444 of 2,000 such changes ended in other errors than ours.
     path = tmp_path / 'small.mcap'
     with McapWriter(path) as writer:
         for at in range(3):

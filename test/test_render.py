@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Tests of drawing: meshes, light, palette, framing, pictures and the command `render`."""
 
 import os

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The report: figures of tests become rows and plots, and the page names the tests there are."""
 
 import json

@@ -12,13 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""The shipped scenes do what their names say, each from its file alone."""
 
-"""
-The shipped scenes do what their names say, each from its file alone.
-
-Where things fall or break, nudged runs of a smaller form of the scene are held to bounds; next
-to each stands the spread of at least forty runs, so far within the bounds that two runs do.
-"""
+# Where things fall or break, nudged runs of a smaller form of the scene are held to bounds; next
+# to each stands the spread of at least forty runs, so far within the bounds that two runs do.
 
 from dataclasses import replace
 
@@ -155,11 +152,8 @@ def test_the_village_stands_the_storm(shipped):
 
 
 def test_a_stroke_of_a_ball_leaves_a_hole_with_cracks_that_reach_far_from_it():
-    """
-    Tear a few bricks out of a wall, and crack it more than a metre away from the hole.
-
-    Look before half a second is over: of fifty walls two leave their foot then, in one piece.
-    """
+    """Tear a few bricks out of a wall, and crack it more than a metre away from the hole."""
+    # Look before half a second is over: of fifty walls two leave their foot then, in one piece.
     def lost(simulation):
         return ~simulation.state.standing[:len(scene.blueprint)]
 
@@ -212,12 +206,9 @@ def test_charges_bring_the_whole_block_down(shipped):
 
 
 def test_a_bridge_without_a_pier_loses_its_arches_and_keeps_its_abutments():
-    """
-    Bring down the spans on the pier; the other pier bears the third.
-
-    Per metre of span, with a weight w: the arch of 3.2 m with 0.8 m rise pushes with 1.6 w at a
-    height of 1.4 m, 2.2 w; what stands on the pier of 0.9 m holds with 3.1 w.
-    """
+    """Bring down the spans on the pier; the other pier bears the third."""
+    # Per metre of span, with a weight w: the arch of 3.2 m with 0.8 m rise pushes with 1.6 w at a
+    # height of 1.4 m, 2.2 w; what stands on the pier of 0.9 m holds with 3.1 w.
     def falls(simulation):
         stones = rows(simulation, 'bridge')
         before, now = simulation.blueprint.poses[stones, :3], simulation.poses[stones, :3]

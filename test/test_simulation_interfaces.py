@@ -12,42 +12,148 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
-"""The services of `simulation_interfaces`, with stand-ins for its messages (no wheel has it)."""
+"""The services of `simulation_interfaces`, with stand-ins for its messages and package."""
 
 import asyncio
 import math
+import random
+import re
 import sys
 from types import SimpleNamespace
 
-from interface_stand_ins import (
-    BOUNDS,
-    build_and_join,
-    call,
-    CATEGORY,
-    KNOWN,
-    place,
-    record,
-    Replies,
-    REQUEST,
-    resource,
-    RESPONSE,
-    RESULT,
-    serve,
-    STAMPED,
-    STATE,
-    TREE,
-    TYPES,
-    VECTOR,
-)
 import numpy as np
 import pytest
 
+from procphys_ros.errors import CommandError, ProcPhysError
 from procphys_ros.geometry import rotation
+from procphys_ros.lsystem import LSystem
+from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.pacing import Pacer
+from procphys_ros.ros.posix_pattern import PosixPattern
 from procphys_ros.ros.session import Session
 from procphys_ros.ros.simulation_interfaces import FEATURES, SimulationInterfacesServer
+from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Simulation
+
+TREE = 'axiom: Width(0.1) Density(700) Modulus(8e9) DampingRatio(0.05) F(1) F(1)'
+
+
+def record(**fields):
+    """Make a class of messages with these constants and default values."""
+    class Message(SimpleNamespace):
+
+        def __init__(self):
+            super().__init__(**{name: value() if callable(value) else value
+                                for name, value in fields.items() if not name.isupper()})
+    for name, value in fields.items():
+        if name.isupper():
+            setattr(Message, name, value)
+    return Message
+
+
+# Names and numbers as in the definitions of the package, version 1.
+RESULT = record(result=0, error_message='', RESULT_FEATURE_UNSUPPORTED=0, RESULT_OK=1,
+                RESULT_NOT_FOUND=2, RESULT_INCORRECT_STATE=3, RESULT_OPERATION_FAILED=4)
+STATE = record(state=0, STATE_STOPPED=0, STATE_PLAYING=1, STATE_PAUSED=2, STATE_QUITTING=3)
+VECTOR = record(x=0.0, y=0.0, z=0.0, w=1.0)
+CATEGORY = record(category=0, CATEGORY_OBJECT=1)
+STAMPED = record(header=record(stamp=record(sec=0, nanosec=0), frame_id=''),
+                 pose=record(position=VECTOR, orientation=VECTOR),
+                 twist=record(linear=VECTOR, angular=VECTOR))
+FILTERS = record(filter='', categories=list,
+                 tags=record(tags=list, filter_mode=0, FILTER_MODE_ANY=0, FILTER_MODE_ALL=1),
+                 bounds=record(type=0, points=list, TYPE_BOX=0, TYPE_CONVEX_HULL=1,
+                               TYPE_SPHERE=2))
+BOUNDS = record(type=0, points=list, TYPE_BOX=1)
+CODES = {'NAME_NOT_UNIQUE': 101, 'NAME_INVALID': 102, 'UNSUPPORTED_FORMAT': 103,
+         'NO_RESOURCE': 104, 'NAMESPACE_INVALID': 105, 'RESOURCE_PARSE_ERROR': 106,
+         'INVALID_POSE': 109}
+KNOWN = record(**{name: 10 + i for i, name in enumerate(FEATURES) if name != 'ENTITY_TAGS'})
+RESOURCE = record(uri='', resource_string='')
+SPAWNABLE = record(entity_resource=RESOURCE, description='')
+TYPES = SimpleNamespace(Result=RESULT, SimulationState=STATE, SimulatorFeatures=KNOWN,
+                        EntityCategory=CATEGORY, EntityState=STAMPED, Spawnable=SPAWNABLE,
+                        Bounds=BOUNDS, SpawnResult=record(result=RESULT, entity_name='', **CODES))
+RESPONSE = record(result=RESULT, state=STATE,
+                  features=record(features=list, spawn_formats=list, custom_info=''),
+                  entities=list, states=list, info=record(category=CATEGORY, description='',
+                                                          tags=list),
+                  entity_name='', spawnables=list, results=list, bounds=BOUNDS,
+                  ALREADY_IN_TARGET_STATE=101,
+                  STATE_TRANSITION_ERROR=102, ENTITIES_SPAWN_FAILED=150, **CODES)
+REQUEST = record(state=STATE, steps=0, scope=0, filters=FILTERS, entity='',
+                 name='', allow_renaming=False, entity_resource=RESOURCE, entity_namespace='',
+                 initial_pose=STAMPED, sources=list, spawn_requests=list,
+                 set_pose=False, set_twist=False,
+                 SCOPE_DEFAULT=0, SCOPE_TIME=1, SCOPE_STATE=2, SCOPE_SPAWNED=4, SCOPE_ALL=255)
+
+
+class Replies:
+    """Carries commands out at once; those that are begun are answered before they are awaited."""
+
+    async def ask(self, name, prepare):
+        """Carry a command out."""
+        try:
+            return True, prepare()()
+        except CommandError as error:
+            return False, str(error)
+
+    async def wait_for(self, name, begin):
+        """Begin with something, and give what it was answered."""
+        answers = []
+        begin(lambda *answer: answers.append(answer))
+        return answers[0]
+
+
+def build_and_join(wanted, join, answer):
+    """Do what the node does in another thread."""
+    try:
+        answer(True, join(wanted.build()))
+    except ProcPhysError as error:
+        answer(False, str(error))
+
+
+def serve(**settings):
+    """Make a server on two trees whose commands are carried out at once."""
+    scene = Scene.from_parameters(settings)
+    tree = LSystem.parse(TREE).build()
+    scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'oak_0')
+    scene.add(tree, (9.0, 0.0, 0.0), 0.0, 'oak_1')
+    session = Session(Pacer(1.0 / 60.0, 1.0, budget=0.05))
+    session.adopt(Simulation(scene))
+    made = SimulationInterfacesServer(TYPES, Replies(), build_and_join, session, 'world')
+    made.session = session
+    return made
+
+
+def call(server, service, /, **fields):
+    """Send a request and give the response."""
+    request = REQUEST()
+    for path, value in fields.items():
+        target = request
+        *inner, last = path.split('__')
+        for step in inner:
+            target = getattr(target, step)
+        setattr(target, last, value)
+    serve = getattr(server, service, None) or getattr(server.entities, service)
+    return asyncio.run(serve(request, RESPONSE()))
+
+
+def resource(uri='', text=''):
+    """Make a resource."""
+    made = RESOURCE()
+    made.uri, made.resource_string = uri, text
+    return made
+
+
+def place(x, y, yaw=0.0, roll=0.0):
+    """Make a stamped pose on the ground."""
+    made = STAMPED()
+    made.pose.position.x, made.pose.position.y = x, y
+    made.pose.orientation.z, made.pose.orientation.w = math.sin(yaw / 2), math.cos(yaw / 2)
+    made.pose.orientation.x = roll
+    return made
 
 
 @pytest.fixture
@@ -426,3 +532,142 @@ def test_states_of_loose_entities_can_be_set(server):
     state.pose.position.x, state.twist.angular.y = 3.0, math.nan
     assert put('projectile_0', set_pose=True).result == RESULT.RESULT_OK
     assert put('projectile_0', set_twist=True).result == RESULT.RESULT_OPERATION_FAILED
+
+
+def test_nothing_is_offered_without_the_package(monkeypatch):
+    """Do without services when their package cannot be imported."""
+    monkeypatch.setattr(simulation_interfaces, 'PACKAGE', 'no_such_package')
+    assert simulation_interfaces.offer(None, None, None, None) == []
+
+
+class BrokenKind:
+    """A type of services whose library was not installed with it."""
+
+
+@pytest.mark.parametrize('modules, reason', [
+    ({'msg': None}, 'ModuleNotFoundError'), ({'srv': None}, 'ModuleNotFoundError'),
+    ({'msg': SimpleNamespace()}, 'Result'), ({}, 'no library')])
+def test_a_package_that_is_half_there_does_not_end_the_node(monkeypatch, modules, reason):
+    """Warn, and offer nothing of it; services that could be created are taken back."""
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
+    whole = {'msg': TYPES, 'srv': SimpleNamespace(GetEntities=object, StepSimulation=object,
+                                                  SpawnEntity=BrokenKind), 'action': None}
+    for name, module in (whole | modules).items():
+        monkeypatch.setitem(sys.modules, f'simulation_interfaces.{name}', module)
+    standing, said = [], []
+
+    def create_service(kind, name, serve, callback_group):
+        if kind is BrokenKind:
+            raise RuntimeError('no library')
+        standing.append(name)
+        return name
+    node = SimpleNamespace(create_service=create_service, destroy_service=standing.remove,
+                           context=SimpleNamespace(ok=lambda: True),
+                           get_logger=lambda: SimpleNamespace(warning=said.append),
+                           get_parameter=lambda name: SimpleNamespace(value='world'))
+    assert simulation_interfaces.offer(node, SimpleNamespace(group=''), None, None) == []
+    assert not standing and len(said) == 1 and reason in said[0] and 'install it anew' in said[0]
+
+
+def test_services_are_offered_where_the_package_has_them(monkeypatch):
+    """Offer each service that the package defines under its own name, and no other."""
+    kinds = SimpleNamespace(GetEntities=object(), StepSimulation=object(), LoadWorld=object(),
+                            SpawnEntity=object())
+    actions = SimpleNamespace(SimulateSteps=object())
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces', SimpleNamespace())
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.msg', TYPES)
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.srv', kinds)
+    monkeypatch.setitem(sys.modules, 'simulation_interfaces.action', actions)
+    made = {}
+
+    def create_action(node, kind, name, serve, callback_group, cancel_callback):
+        made[name] = kind, serve.__name__, callback_group
+    monkeypatch.setattr(simulation_interfaces, 'ActionServer', create_action)
+
+    def create_service(kind, name, serve, callback_group):
+        made[name] = kind, serve.__name__, callback_group
+    node = SimpleNamespace(create_service=create_service,
+                           get_parameter=lambda name: SimpleNamespace(value='world'))
+    answers = SimpleNamespace(group='group')
+    offered = simulation_interfaces.offer(node, answers, None, None)
+    assert offered == ['step_simulation', 'get_entities', 'spawn_entity', 'simulate_steps']
+    assert made == {f'~/simulation_interfaces/{name}': (kind, name, 'group') for name, kind in (
+        ('get_entities', kinds.GetEntities), ('step_simulation', kinds.StepSimulation),
+        ('spawn_entity', kinds.SpawnEntity), ('simulate_steps', actions.SimulateSteps))}
+
+
+NAMES = [f'oak_{i}' for i in range(5000)]
+HOSTILE = ['^(a|a)*b', '(a+)+b', '((a*)*)*b', '(a|aa)+$b', '(x?){30}x{30}', '([a-z0-9_]?){400}Z',
+           '(a|b)*a(a|b){300}', '(a|b)*a(a|b){12}!', '(((a{250}){250}){250}){250}', '(){99999}',
+           '(' * 499 + 'a' + ')' * 499, '(' * 1000, '(a' * 300 + ')*' * 300, '|' * 1000,
+           '[' * 1000, f'a{{{"9" * 990}}}', 'a{255}{255}', '[' + 'a-z' * 300 + ']*!', 'a' * 10**6,
+           '[[:' + 'a' * 900 + ':]]', '(a*)*' * 190 + '!', '.*' * 400 + '!']
+
+
+def written(chance: random.Random, depth: int) -> str:
+    """Write some expression that POSIX and Python read alike."""
+    kind = chance.choice('llllgcabr' if depth else 'lllab')
+    if kind == 'l':
+        return chance.choice(['a', 'b', '_', '.', r'\.', '1'])
+    if kind == 'a':
+        return chance.choice('^$')
+    if kind == 'b':
+        return chance.choice(['[ab]', '[^a]', '[a-b1]', '[]b]', '[^]_]', '[b-]', r'\d', r'\W'])
+    inner = [written(chance, depth - 1) for _ in range(chance.randint(1, 3))]
+    if kind == 'r':
+        times = chance.choice(['*', '+', '?', '{2}', '{0}', '{1,}', '{0,2}', '{,2}'])
+        return f'({inner[0]}){times}'
+    return f'({"|".join(inner)})' if kind == 'g' else ''.join(inner)
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_what_is_found_is_what_python_finds(seed):
+    """Agree with `re` about random expressions in random names."""
+    chance = random.Random(seed)
+    for _ in range(150):
+        text = '|'.join(written(chance, 3) for _ in range(chance.randint(1, 2)))
+        pattern = PosixPattern(text)
+        for _ in range(8):
+            name = ''.join(chance.choices('ab_1.]-', k=chance.randint(0, 6)))
+            assert pattern.is_in(name) == bool(re.search(text, name)), (text, name)
+
+
+@pytest.mark.parametrize('text, fitting', [
+    ('', ['oak_1', 'Fir 2']), ('[[:digit:]]$', ['oak_1', 'Fir 2']), ('[[:space:]]', ['Fir 2']),
+    ('^[[:lower:]_[:digit:]]+$', ['oak_1']), ('[^[:alnum:]_]', ['Fir 2']), (r'\s\d', ['Fir 2']),
+    ('[[:punct:]]', ['oak_1']), ('^o{1}a+k?_|F[h-j]r', ['oak_1', 'Fir 2']), ('^$', []),
+    ('[[:xdigit:]]{2}', []), ('[[:upper:]]|[[:blank:]]', ['Fir 2'])])
+def test_expressions_of_posix_are_read(text, fitting):
+    """Take classes, sets, intervals, groups and anchors."""
+    pattern = PosixPattern(text)
+    assert [name for name in ('oak_1', 'Fir 2') if pattern.is_in(name)] == fitting
+
+
+@pytest.mark.parametrize('text, reason', [
+    ('(a', r'a \( is not closed'), ('a)', r'a \) closes nothing'), ('*a', r'nothing before a \*'),
+    ('(|+)', r'nothing before a \+'), ('(?:a)', r'nothing before a \?'), ('a{', 'a } is missing'),
+    ('a{x}', 'number of repetitions'), ('a{}', 'number of repetitions'),
+    ('a{1,2,3}', 'number of repetitions'), ('a{3,2}', 'ends before it begins'),
+    ('[a', 'a ] is missing'), ('[z-a]', 'ends before it begins'), (r'[\d]', 'no meaning'),
+    ('[[:digits:]]', 'there is no class .*xdigit'), ('[[:digit]', ':] is missing'),
+    ('a\\', 'means nothing'), (r'(a)\1', r'\\1 means nothing'), ('a{2001}', 'too large'),
+    ('a' * 1001, 'longer than 1000 characters')])
+def test_what_is_no_expression_is_refused(text, reason):
+    """Say what is wrong."""
+    with pytest.raises(CommandError, match=f'is no regular expression: .*{reason}'):
+        PosixPattern(text)
+
+
+@pytest.mark.timeout(60)  # none takes half a second; Python's `re` needs years for some
+@pytest.mark.parametrize('text', HOSTILE, ids=lambda text: text[:30])
+@pytest.mark.parametrize('names', [NAMES, ['a' * 60], ['ab' * 5000], random.Random(1).choices(
+    ['a' * i + 'b' * j + 'a' * k for i in range(9) for j in range(9) for k in range(9)], k=500)],
+    ids=['many', 'alike', 'long', 'mixed'])
+def test_no_expression_holds_anything_up(text, names):
+    """Answer or refuse at once, for all patterns and names of objects."""
+    try:
+        pattern = PosixPattern(text)
+        for name in names:
+            pattern.is_in(name)
+    except CommandError as error:
+        assert len(str(error)) < 250

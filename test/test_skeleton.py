@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Skeletons: bones, joints and stiffness from explicit branches, and refusals."""
 
 from dataclasses import replace

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Boards and beams: they break across, and the pieces of a barn's boards fly."""
 
 from dataclasses import replace
@@ -112,13 +111,10 @@ def test_a_collapse_breaks_boards_across_the_grain():
 @pytest.mark.parametrize(('height', 'log', 'breaks'), [
     (1.0, True, False), (5.0, True, True), (5.0, False, False)])
 def test_a_board_breaks_over_a_log(height, log, breaks):
-    """
-    Drop an oak board of 2.4 m, 40 mm thick, across a log or flat on the ground.
-
-    It bends more than the log yields. A free bar that is pushed in its middle has the stiffness
-    320·EI/L³ and stops in T = π·√(m·L³/(320·EI)), by F = m·v/T; where its middle piece ends, 0.24
-    m from there, the moment is F/L·(L/2 - 0.24)²/2, which it bears up to about 3 m.
-    """
+    """Drop an oak board of 2.4 m, 40 mm thick, across a log or flat on the ground."""
+    # It bends more than the log yields. A free bar that is pushed in its middle has the stiffness
+    # 320·EI/L³ and stops in T = π·√(m·L³/(320·EI)), by F = m·v/T; where its middle piece ends,
+    # 0.24 m from there, the moment is F/L·(L/2 - 0.24)²/2, which it bears up to about 3 m.
     centres = [[0.48 * i - 0.96, 0.0, 0.0] for i in range(5)]
     board = bonded(centres, (0.48, 0.2, 0.04), density=640.0, ground=False, gap=1e-3, tension=WOOD,
                    cohesion=3.9e6, friction=0.4, compression=24e6)

@@ -12,13 +12,26 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Loads on standing walls: their own, lasting and sudden ones, on parts, and told at load."""
 
-"""Loads on standing walls: what lasts, what strikes once, and what waits."""
+from dataclasses import replace
+import logging
 
+from grown_trees import beam
+from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
+from procphys_ros.blueprint import GROUND
+from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.physics.masonry.standing_loads import StandingLoads
+from procphys_ros.scene import Scene, Settings
+from procphys_ros.scene.culling import CullingSettings
+from procphys_ros.scene.strikes import Projectile
+from procphys_ros.simulation import Cause, impacts, Owner, Simulation
+from procphys_ros.simulation.readings import describe_load, load_of
+from procphys_ros.simulation.wall_loads import DEBRIS_LAYER
+from procphys_ros.wallgrammar import WallGrammar
 
 _DT = 1.0 / 60.0
 
@@ -155,3 +168,341 @@ def test_small_changes_of_steady_loads_ask_for_no_new_stresses():
     loads.follow('debris', np.zeros(0, np.intp), np.zeros((0, 6)))
     loads.apply(solver, 9.0)
     assert not solver.given[-1].any() and loads.sources == ()
+
+
+_SPAN = """
+building shed
+  footprint: (0, 0) (3, 0)
+  facades: front
+  storey_height: 1.2
+rule front -> split(y) { 0.45: foot | ~1: plain }
+rule foot -> split(x) { 0.45: plain | ~1: gap | 0.45: plain }
+layout running { unit: 0.215 0.1025 0.065  joint: 0.01  material: brick }
+panel plain: running
+panel gap: none
+material brick { tension: 0.02e6  cohesion: 0.02e6 }
+"""
+
+
+def loaded(*objects):
+    """Load named blueprints at places; return the warnings."""
+    scene = Scene()
+    for name, plan, place in objects:
+        scene.add(plan, place, 0.0, name)
+    return Simulation(scene).warnings
+
+
+def test_sound_scenes_say_nothing(caplog):
+    """Place two walls beside each other."""
+    with caplog.at_level(logging.WARNING):
+        assert loaded(('one', wall(4, 4), (0, 0, 0)), ('two', wall(4, 4), (0, 1, 0))) == ()
+    assert not caplog.records
+
+
+def test_a_building_that_cracks_under_its_weight_is_named(caplog):
+    """Span 2 m in poor mortar: the log has name, numbers and place of the first crack."""
+    plan = WallGrammar.parse(_SPAN).build()
+    with caplog.at_level(logging.WARNING):
+        line, = loaded(('sound', wall(4, 4), (0, 3, 0)), ('shed', plan, (5, 0, 0)))
+    assert [record.getMessage() for record in caplog.records] == [line]
+    assert line.startswith('shed does not carry its own weight')
+    place = line.partition('the first at (')[2].partition(')')[0]
+    x, _, z = map(float, place.split(','))
+    assert 5.0 <= x <= 8.0 and 0.4 < z < 1.2
+    falls = int(line.rpartition('; ')[2].split()[0])
+    assert 0 < falls <= len(plan)
+
+
+@pytest.mark.parametrize(('shift', 'told'), [(0.095, True), (0.11, False)])
+def test_objects_in_each_other_are_named(shift, told):
+    """Set a wall of 10.25 cm into another by 7 mm too much, and beside it."""
+    lines = loaded(('one', wall(4, 4), (0, 0, 0)), ('two', wall(4, 4), (0, shift - 0.005, 0)))
+    assert len(lines) == told
+    if told:
+        assert 'one and two overlap by up to 0.01 m' in lines[0]
+
+
+def test_objects_below_the_ground_are_named():
+    """Sink a wall by 20 cm."""
+    line, = loaded(('sunk', wall(4, 4), (0, 0, -0.2)))
+    assert 'sunk is below the ground' in line and '0.20 m' in line
+
+
+def test_what_joins_a_running_scene_is_checked_against_what_is_there():
+    """Name the wall that a new one stands in, and nothing that was told before or has gone."""
+    scene = Scene()
+    scene.add(wall(4, 4), (0, 0, 0), 0.0, 'one')
+    scene.add(wall(4, 4), (0, 0.05, 0), 0.0, 'two')
+    simulation = Simulation(scene)
+    before = simulation.warnings
+    assert len(before) == 1
+    simulation.remove('two')
+    simulation.add(wall(4, 4), (0, 3, 0), name='aside')
+    assert simulation.warnings == before
+    simulation.add(wall(4, 4), (0, 3.05, -0.2), name='late')
+    sunk, overlap = simulation.warnings[1:]
+    assert sunk.startswith('late is below the ground')
+    assert overlap.startswith('aside and late overlap')
+    simulation.add(wall(4, 4), (0, 0.05, 0), name='again')
+    assert simulation.warnings[-1].startswith('one and again overlap')
+    assert len(simulation.warnings) == 4
+
+
+def test_what_joins_a_running_scene_and_cracks_under_its_weight_says_so():
+    """Spawn the shed beside a wall: the same line as at load, but for the place."""
+    plan = WallGrammar.parse(_SPAN).build()
+    at_load, = loaded(('shed', plan, (5, 0, 0)))
+    scene = Scene()
+    scene.add(wall(4, 4), (0, 0, 0), 0.0, 'one')
+    simulation = Simulation(scene)
+    simulation.add(wall(4, 4), (0, 3, 0), name='sound')
+    assert simulation.warnings == ()
+    simulation.add(plan, (5, 0, 0), name='shed')
+    assert simulation.warnings == (at_load,)
+
+
+def test_dry_joints_that_only_open_are_no_failure():
+    """Say nothing of a dry wall that stands, though its upright joints bear nothing."""
+    dry = WallGrammar.parse(_SPAN.replace('~1: gap', '~1: plain').replace(
+        'tension: 0.02e6  cohesion: 0.02e6', 'tension: 0  cohesion: 0')).build()
+    assert loaded(('dry', dry, (0, 0, 0))) == ()
+
+
+def test_what_is_put_above_the_ground_is_told_and_falls():
+    """Put a shed half a metre up in a scene file: the ground is at z = 0, and does not hold it."""
+    scene = Scene.from_parameters({'scene': {'objects': ['shed']}, 'shed': {
+        'grammar_text': _SPAN, 'origin': [0.0, 0.0, 0.5]}})
+    simulation = Simulation(scene)
+    line = simulation.warnings[0]
+    assert line.startswith('shed stands 0.51 m above the ground, so nothing holds it')
+    start = simulation.poses[:, 2].max()
+    simulation.step(60)
+    assert simulation.poses[:, 2].max() < start - 0.3
+
+
+def test_what_a_program_puts_above_the_ground_falls_too():
+    """Add a wall at a metre to a scene, and another while it runs: none hangs on the ground."""
+    scene = Scene()
+    scene.add(wall(3, 2), (0, 0, 1.0), 0.0, 'one')
+    simulation = Simulation(scene)
+    simulation.add(wall(3, 2), (0, 3, 1.0), name='two')
+    for name, line in zip(('one', 'two'), simulation.warnings, strict=True):
+        assert line.startswith(f'{name} stands 1.00 m above the ground, so nothing holds it')
+    simulation.step(60)
+    assert not simulation.state.standing.any() and simulation.poses[:, 2].max() < 0.3
+
+
+_LENGTH, _HEIGHT, _DENSITY = 0.5, 0.3, 1900.0  # [m], [kg/m³] of one block of a beam of seven
+_STONE = 0.5  # [m], as wide as its middle block
+
+
+def laid_on_a_stone(tension, flat=False):
+    """Drop a beam of 3.5 m by 0.2 mm onto a stone under its middle, or onto the ground."""
+    centres = [[_LENGTH * i, 0.0, 0.5 * _HEIGHT] for i in range(-3, 4)]
+    beam = bonded(centres, (_LENGTH, 0.2, _HEIGHT), density=_DENSITY, gap=1e-3, ground=False,
+                  tension=tension, cohesion=2.0 * tension)
+    scene = Scene()
+    if not flat:
+        scene.add(bonded([[0.0, 0.0, 0.2]], (_STONE, 0.4, 0.4), tension=1e6))
+    scene.add(beam, (0.0, 0.0, 2e-4 + (0.0 if flat else 0.4)), 0.0, 'beam')
+    simulation = Simulation(scene)
+    simulation.step(90)
+    return simulation
+
+
+@pytest.mark.parametrize(('share', 'breaks'), [(0.85, True), (1.15, False)])
+def test_what_is_let_down_gently_breaks_where_its_weight_bends_it_too_far(share, breaks):
+    """Lay a beam on its middle: the joint at the stone bears 3·ρ·g·l²/h, at l beyond it."""
+    stress = 3.0 * _DENSITY * 9.81 * (3 * _LENGTH) ** 2 / _HEIGHT
+    simulation = laid_on_a_stone(share * stress)
+    assert (simulation.bonds_broken > 0) == breaks
+    first = simulation.events['time'] < simulation.events['time'].min(initial=np.inf) + 0.1
+    assert (simulation.events['cause'][first] == Cause.TENSION).all()  # nothing has struck it
+
+
+def test_what_lies_flat_holds():
+    """Lay the same beam on the ground: it bears no more than what is right above."""
+    assert laid_on_a_stone(2e4, flat=True).bonds_broken == 0
+
+
+def yoke_on_teeth(tension, load):
+    """
+    Lay a yoke on both ends of a tee of five stones, which stick out by half of their length.
+
+    :param tension: of the joints of the tee [Pa].
+    :param load: mass of the yoke [kg].
+    """
+    stone = (0.4, 0.4, 0.2)
+    centres = [[-0.2, 0.0, 0.1], [0.2, 0.0, 0.1], [-0.4, 0.0, 0.301], [0.0, 0.0, 0.301],
+               [0.4, 0.0, 0.301]]
+    tee = bonded(centres, stone, density=_DENSITY, gap=2e-3, ground=False, tension=tension,
+                 cohesion=2.0 * tension)
+    sizes = np.array([[1.6, 1.6, 0.4], [0.1, 0.4, 0.2], [0.1, 0.4, 0.2]])
+    yoke = bonded([[0.0, 0.0, 0.4], [-0.5, 0.0, 0.1], [0.5, 0.0, 0.1]], sizes, gap=2e-3,
+                  density=load / sizes.prod(axis=1).sum(), ground=False, tension=1e8,
+                  cohesion=1e8)
+    scene = Scene(Settings(engine='native'))  # a stack at its limit
+    scene.add(tee, name='tee')
+    scene.add(yoke, (0.0, 0.0, 0.4014), name='yoke')
+    simulation = Simulation(scene)
+    simulation.step(60)
+    return simulation
+
+
+@pytest.mark.parametrize(('tension', 'load', 'breaks'), [
+    (0.2e6, 16_000.0, True), (20e6, 16_000.0, False), (0.2e6, 300.0, False)])
+def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, breaks):
+    """Lay 16 t or 0.3 t on teeth: F at e from the bed joint bends it by 6·F·e/(A·h), A = h·b."""
+    # With half of 16 t these are 5.9 MPa, with 0.3 t 0.11 MPa; the joint at the end takes a part.
+    # The yoke ties loose teeth together by friction, so they are not bound to fall.
+    simulation = yoke_on_teeth(tension, load)
+    assert (simulation.bonds_broken > 0) == breaks
+    assert (simulation.events['cause'] == Cause.TENSION).all()
+    middle, tooth = simulation.state.parts.body[[3, 4]]
+    assert (middle != tooth) == breaks
+
+
+def test_what_is_pressed_breaks_whatever_room_there_is():
+    """Break small pieces under lasting forces into a cell per part, and large ones into sixty."""
+    blows = [PieceBlow(0, np.arange(n), None, np.inf) for n in (1000, 15, 5)]
+    assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
+    assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
+
+
+def test_lumps_break_whatever_room_there_is():
+    """Break lumps into some cells without room for more bodies, huge ones into grains."""
+    blows = [PieceBlow(0, np.arange(count), None, 0.0)
+             for count in (1000, 300, 200, 90, 30)]
+    assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
+    assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2
+    assert impacts._cells(blows[2:], 60, 10.0)[0] > 10
+
+
+@pytest.mark.parametrize('engine', ['native', 'bullet'])
+def test_what_falls_asleep_on_masonry_presses_no_more_than_before(engine):
+    """Set a block down on a pier, which bears its weight from then on, as long as it sleeps."""
+    scene = Scene(settings=Settings(engine=engine))
+    scene.add(bonded([[0.0, 0.0, 0.2]], (_STONE, 0.4, 0.4), tension=1e6))
+    simulation = Simulation(scene)
+    simulation.launch(Projectile('box', (0.3, 0.3, 0.3), 50.0, (0.0, 0.0, 0.59),
+                                 (0.0, 0.0, 0.0)))
+    simulation.step(30)
+    borne = []
+    for _ in range(40):
+        simulation.step()
+        _, loads = simulation.state.loads.layer(DEBRIS_LAYER)
+        borne.append(loads[:, 2].sum())
+    assert not len(simulation.state.world.awake)
+    weight = 50.0 * 9.81
+    np.testing.assert_allclose(borne, -weight, rtol=0.05)
+
+
+GRAVITY = 9.81
+STRENGTH = 40e6  # [Pa]
+
+
+@pytest.fixture(scope='module')
+def simulation():
+    """Stand a beam and a pier of bricks up, and let a ball lie beside them."""
+    scene = Scene()
+    scene.add(beam(strength=STRENGTH), name='beam')
+    scene.add(wall(2, 9), (9.0, 0.0, 0.0), name='pier')
+    made = Simulation(scene)
+    made.launch(Projectile(size=0.4, position=(-20.0, 0.0, 0.2), velocity=(0.0, 0.0, 0.0)))
+    made.step(30)
+    return made
+
+
+def test_a_trunk_carries_all_that_stands_on_it(simulation):
+    """Find the whole weight at the foot, a tenth of it at the top, and no bending."""
+    parts = np.arange(10)
+    weights = GRAVITY * simulation.blueprint.mass[parts]
+    for part in (0, 4, 9):
+        load = load_of(simulation.state, part)
+        np.testing.assert_allclose(load.force, weights[part:].sum(), rtol=1e-3)
+        assert load.share < 1e-3
+
+
+def test_a_bent_trunk_is_loaded_by_the_stress_in_its_fibres(simulation):
+    """Push a cantilever aside at its tip: the moment at the foot is force times height."""
+    pushed = simulation.fork()
+    pushed.apply_wrench(9, (30.0, 0.0, 0.0))
+    pushed.step(900)
+    foot = load_of(pushed.state, 0)
+    arm = pushed.poses[9, 2]
+    sag = pushed.poses[:10, 0] @ (GRAVITY * pushed.blueprint.mass[:10])
+    np.testing.assert_allclose(foot.moment, 30.0 * arm + sag, rtol=0.03)
+    width = pushed.blueprint.bond_extent[0, 0]
+    np.testing.assert_allclose(foot.share, foot.moment / (np.pi / 32.0 * width ** 3) / STRENGTH,
+                               rtol=1e-3)
+
+
+def test_a_trunk_may_be_nearest_to_being_uprooted():
+    """Push a tree whose root plate gives way long before its wood: the share is that of it."""
+    grown = beam(strength=STRENGTH)
+    moment = 0.2 * STRENGTH * np.pi / 32.0 * grown.bond_extent[0, 0] ** 3
+    root = np.where(grown.bonds[:, 0] == GROUND, moment, np.inf)
+    scene = Scene()
+    scene.add(replace(grown, hinges=replace(grown.hinges, root_moment=root)), name='tree')
+    simulation = Simulation(scene)
+    simulation.apply_wrench(9, (30.0, 0.0, 0.0))
+    simulation.step(300)
+    foot = load_of(simulation.state, 0)
+    np.testing.assert_allclose(foot.share, foot.moment / moment, rtol=1e-3)
+    assert load_of(simulation.state, 1).share < 0.3 * foot.share
+
+
+def test_a_tree_that_joins_has_no_load_before_its_first_step(simulation):
+    """Say nothing of a new tree, not that it carries nothing, while others go on."""
+    grown = simulation.fork()
+    late = grown.add(beam(), (30.0, 0.0, 0.0), name='late')
+    assert np.isnan(grown.loads()[late.first:]).all()
+    assert np.isfinite(grown.loads()[:late.first]).all()
+    grown.step()
+    weight = GRAVITY * grown.blueprint.mass[late.first:].sum()
+    np.testing.assert_allclose(grown.load(late.first).force, weight, rtol=1e-9)
+
+
+def test_a_branch_that_came_off_has_no_load_at_its_base():
+    """Break the foot of a beam, which goes on as a flexible branch: nothing holds it there."""
+    grown = beam()
+    strength = np.where(grown.bonds[:, 0] == GROUND, 0.1 * STRENGTH, np.inf)
+    scene = Scene()
+    scene.add(replace(grown, hinges=replace(grown.hinges, strength=strength)), name='beam')
+    broken = Simulation(scene)
+    broken.apply_impulse(9, (400.0, 0.0, 0.0))
+    while not broken.bonds_broken:
+        broken.step()
+    assert broken.state.parts.owner[0] == Owner.TREE
+    assert broken.load(0).force == broken.load(0).share == 0.0 < broken.load(1).force
+
+
+def test_a_sleeping_tree_carries_its_weight():
+    """Let a beam fall asleep: it is stepped no more, and stands on its foot as before."""
+    scene = Scene(Settings(culling=CullingSettings(sleeping=True)))
+    scene.add(beam(strength=STRENGTH), name='beam')
+    resting = Simulation(scene)
+    resting.set_wind_enabled(False)
+    resting.step(200)
+    assert resting.state.trees.lod.asleep.all()
+    np.testing.assert_allclose(resting.load(0).force, GRAVITY * resting.blueprint.mass.sum(),
+                               rtol=1e-6)
+
+
+def test_the_bricks_at_the_foot_carry_the_pier(simulation):
+    """Find the weight above in the bonds of the bottom course, shared by its two bricks."""
+    pier = simulation.objects[1]
+    parts = np.arange(pier.first, pier.first + pier.count)
+    weight = GRAVITY * simulation.blueprint.mass[parts].sum()
+    foot = parts[np.argsort(simulation.blueprint.poses[parts, 2])[:2]]
+    loads = [load_of(simulation.state, int(part)) for part in foot]
+    np.testing.assert_allclose(sum(load.force for load in loads), weight, rtol=0.02)
+    assert all(0.0 < load.share < 0.1 for load in loads)
+
+
+def test_loads_are_said_in_one_line(simulation):
+    """Say what carries what, and what lies loose."""
+    assert describe_load(simulation.state, 0).startswith('beam/segment_0 carries ')
+    ball = len(simulation.poses) - 1
+    assert 'is loose' in describe_load(simulation.state, ball)
+    assert load_of(simulation.state, ball).force == 0.0

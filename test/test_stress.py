@@ -12,18 +12,23 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
+"""Stresses of walls: against closed forms, superposed, factorised, and in whole buildings."""
 
-"""The stress solver against closed forms, a direct solver, and itself."""
+from pathlib import Path
 
 from masonry_walls import blueprint, bonded, building, DENSITY, wall, wall_boxes
 import numpy as np
 import pytest
-from scipy.sparse import csc_matrix
+from scipy.sparse import block_diag, bsr_matrix, csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import BondGraph, StressSolver
+from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
+from procphys_ros.physics.masonry.factor import clear, Factor, solve
+from procphys_ros.physics.masonry.links import add_pulls
+from procphys_ros.wallgrammar import WallGrammar
 
 G = 9.81  # [m/s²]
 TIGHT = 1e-6  # [N]
@@ -408,3 +413,218 @@ def test_graphs_that_are_chained_are_those_of_the_chained_blueprint():
     np.testing.assert_allclose(
         together.displacement, solved(whole, force=push).displacement,
         atol=1e-3 * np.abs(together.displacement).max())
+
+
+CLOSE = 1e-4  # [N]
+
+
+def pushed(plan, tolerance=CLOSE):
+    """Return a solver in balance under its weight, and three patterns of load."""
+    solver = StressSolver(BondGraph(plan), tolerance=tolerance)
+    solver.iterate(20_000)
+    rng = np.random.default_rng(5)
+    return solver, rng.normal(scale=3.0, size=(3, len(plan), 3))
+
+
+def answer(solver, force):
+    """Load a solver, let it come into balance, and give what that took."""
+    before = solver.spent
+    solver.set_loads(force)
+    solver.iterate(20_000)
+    assert solver.converged
+    return solver.spent - before
+
+
+def test_a_combination_of_known_loads_is_answered_at_once():
+    """Need no more iterations for any sum of loads that were answered before."""
+    solver, patterns = pushed(wall(15, 20))
+    first = [answer(solver, force) for force in patterns]
+    assert min(first) > 50
+    for share in ((2.0, 0.0, 0.0), (-1.0, 0.5, 3.0), (0.0, 0.0, 0.0)):
+        assert answer(solver, np.tensordot(share, patterns, 1)) < 0.3 * min(first)
+
+
+def test_all_patterns_of_a_storm_are_known_at_once():
+    """Keep the answers to twenty patterns, as wind from many directions has."""
+    solver, _ = pushed(wall(9, 12))
+    patterns = np.random.default_rng(7).normal(scale=3.0, size=(20, solver.graph.count, 3))
+    first = [answer(solver, force) for force in patterns]
+    shares = np.random.default_rng(8).normal(size=(5, 20))
+    again = [answer(solver, np.tensordot(share, patterns, 1)) for share in shares]
+    assert max(again) < 0.5 * min(first)
+
+
+def test_the_answer_is_that_of_a_solver_that_knows_nothing():
+    """Change nothing but the work by guessing, also after many loads and a restart."""
+    plan = wall(15, 20)
+    solver, patterns = pushed(plan)
+    rng = np.random.default_rng(6)
+    for _ in range(30):
+        force = np.tensordot(rng.normal(size=3), patterns, 1) + rng.normal(size=(len(plan), 3))
+        answer(solver, force)
+    cold, _ = pushed(plan)
+    answer(cold, force)
+    scale = np.abs(cold.displacement).max()
+    np.testing.assert_allclose(solver.displacement, cold.displacement, atol=1e-5 * scale)
+
+
+def test_cutting_bonds_forgets_what_the_whole_wall_answered():
+    """Answer a known load as the cut wall does, not as the whole one did."""
+    plan = wall(15, 20)
+    solver, patterns = pushed(plan)
+    answer(solver, patterns[0])
+    answer(solver, np.zeros_like(patterns[0]))
+    solver.cut(solver.graph.neighbours(np.array([40, 41, 57])), dynamic_factor=1.0)
+    solver.iterate(20_000)
+    assert answer(solver, patterns[0]) > 50
+    cold = StressSolver(BondGraph(plan), tolerance=CLOSE)
+    cold.cut(np.flatnonzero(~solver.graph.alive))
+    answer(cold, patterns[0])
+    scale = np.abs(cold.wrenches()).max()
+    assert np.abs(solver.wrenches() - cold.wrenches()).max() < 1e-4 * scale
+
+
+def test_buildings_are_guessed_each_by_itself():
+    """Answer loads on two walls in shares that no common factor would fit."""
+    plan = wall(9, 12)
+    solver, patterns = pushed(chain([plan, plan.placed((50.0, 0.0, 0.0))]))
+    first = answer(solver, patterns[0])
+    scale = np.where(np.arange(2 * len(plan)) < len(plan), 2.0, -0.7)
+    assert answer(solver, scale[:, None] * patterns[0]) < 0.3 * first
+
+
+def test_dying_sudden_loads_are_no_part_of_an_answer():
+    """Keep guessing right while the dynamic share of a removal dies away between loads."""
+    plan = wall(15, 20)
+    solver, patterns = pushed(plan)
+    solver.cut(solver.graph.neighbours(np.array([40, 41, 57])), dynamic_factor=2.0)
+    solver.iterate(20_000)
+    for force in patterns:
+        solver.set_loads(force)
+        solver.forget_sudden(0.5)
+        solver.iterate(20_000)
+    solver.forget_sudden()
+    solver.iterate(20_000)
+    cold = StressSolver(BondGraph(plan), tolerance=CLOSE)
+    cold.cut(np.flatnonzero(~solver.graph.alive))
+    answer(cold, patterns[-1])
+    scale = np.abs(cold.displacement).max()
+    np.testing.assert_allclose(solver.displacement, cold.displacement, atol=1e-5 * scale)
+
+
+def matrix(count, density, seed):
+    """Make a symmetric positive definite matrix of 6 x 6 blocks, the diagonal ones included."""
+    rng = np.random.default_rng(seed)
+    pattern = rng.random((count, count)) < density
+    full = np.kron(pattern, np.ones((6, 6))) * rng.normal(size=(6 * count, 6 * count))
+    made = bsr_matrix(full @ full.T + np.diag(np.full(6 * count, 10.0)), blocksize=(6, 6))
+    made.sort_indices()
+    return made
+
+
+def factored(system):
+    """Factor a matrix of blocks."""
+    return Factor(system.indptr, system.indices, system.data.copy())
+
+
+def reached(factor, unknowns):
+    """List the columns that have to do with some unknowns."""
+    columns, start = factor.reached(np.asarray(unknowns), np.array([0, len(unknowns)]))
+    assert start.tolist() == [0, len(columns)]
+    return columns
+
+
+def solved_for(factor, load, columns=None):
+    """Solve for all unknowns, or those of some columns."""
+    found = load.copy()
+    columns = np.arange(len(load)) if columns is None else columns
+    solve(factor.panels, columns, found, np.empty_like(found))
+    return found
+
+
+@pytest.mark.parametrize('count, density', [(1, 1.0), (5, 0.3), (40, 0.05), (60, 0.5)])
+def test_it_solves_as_scipy_does(count, density):
+    """Agree to single precision, for matrices from diagonal to full."""
+    system = matrix(count, density, count)
+    load = np.random.default_rng(1).normal(size=(count, 6))
+    found = solved_for(factored(system), load)
+    wanted = spsolve(system.tocsc(), load.ravel()).reshape(-1, 6)
+    np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
+
+
+def test_the_solution_is_symmetric_in_double_precision():
+    """Keep a·S·b = b·S·a, which conjugate gradients rest on."""
+    factor = factored(matrix(40, 0.05, 2))
+    a, b = np.random.default_rng(3).normal(size=(2, 40, 6))
+    left = (a * solved_for(factor, b)).sum()
+    assert left == pytest.approx((b * solved_for(factor, a)).sum(), rel=1e-11)
+
+
+def test_an_island_is_solved_by_itself():
+    """Touch the unknowns of one island, and nothing of the other."""
+    both = bsr_matrix(block_diag([matrix(12, 0.3, 2), matrix(20, 0.2, 3)]), blocksize=(6, 6))
+    both.sort_indices()
+    factor = factored(both)
+    load = np.arange(1.0, 1.0 + 6 * 32).reshape(-1, 6)
+    found = solved_for(factor, load, reached(factor, np.arange(12)))
+    changed = np.flatnonzero(np.any(found != load, axis=1))
+    assert changed.tolist() == list(range(12))
+    np.testing.assert_allclose(found[changed], solved_for(factor, load)[changed])
+    clear(factor.panels, reached(factor, np.arange(12)), found)
+    assert not found[changed].any() and found[12:].all()
+
+
+def test_few_columns_have_to_do_with_few_unknowns():
+    """Solve for some unknowns of a chain as with all columns, where nothing else is loaded."""
+    chain = np.diag(np.full(60, 4.0)) - np.eye(60, k=1) - np.eye(60, k=-1)
+    factor = factored(bsr_matrix(np.kron(chain, np.eye(6)), blocksize=(6, 6)))
+    columns, start = factor.reached(np.array([30, 31, 7]), np.array([0, 2, 3]))
+    for begin, end, unknowns in zip(start, start[1:], ([30, 31], [7])):
+        load = np.zeros((60, 6))
+        load[unknowns] = 1.0
+        own = columns[begin:end]
+        assert len(own) < 40 and np.all(np.diff(own) > 0)
+        np.testing.assert_allclose(solved_for(factor, load, own)[unknowns],
+                                   solved_for(factor, load)[unknowns], rtol=1e-12)
+
+
+def test_what_nothing_holds_is_left_out():
+    """Expect a finite solution where a piece has come loose, and the right one elsewhere."""
+    spring = np.eye(6) * 1e9
+    free = np.block([[spring, -spring], [-spring, spring]])
+    system = bsr_matrix(block_diag([free, 2.0 * np.eye(6)]), blocksize=(6, 6))
+    found = solved_for(factored(system), np.ones((3, 6)))
+    assert np.all(np.isfinite(found)) and np.abs(found[:2]).max() < 1e-8
+    np.testing.assert_allclose(found[2], 0.5)
+
+
+def test_the_coarse_matrix_does_the_work_of_the_bonds():
+    """Let PᵀKP of rigid motions be what the bonds between the aggregates resist."""
+    graph = BondGraph(wall(15, 20))
+    owner = np.append(np.arange(graph.count) // 12, -1)
+    middle = np.add.reduceat(graph.centre, np.arange(0, graph.count, 12)) / 12.0
+    matrix = CoarseMatrix(graph, np.flatnonzero(graph.alive), owner, middle)
+    motion = np.random.default_rng(5).normal(size=(len(middle), 6))
+    parts = np.zeros((graph.count + 1, 6))
+    parts[:-1] = motion[owner[:-1]]
+    parts[:-1, :3] += np.cross(parts[:-1, 3:], graph.centre - middle[owner[:-1]])
+    force = np.zeros_like(parts)
+    add_pulls(np.arange(len(graph)), graph.links, graph.first, graph.second, parts, force, -1.0)
+    dense = bsr_matrix((matrix.blocks, matrix.column, matrix.start)).toarray()
+    work = motion.ravel() @ dense @ motion.ravel()
+    assert work == pytest.approx((force[:-1] * parts[:-1]).sum(), rel=1e-9)
+
+
+WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
+
+
+def test_tolerance_leaves_utilisations_right_to_one_percent():
+    """Compare the default tolerance with one a thousand times tighter on a real building."""
+    plan = WallGrammar.load(WALLS[0].with_stem('office')).build(seed=0)
+    coarse, fine = StressSolver(BondGraph(plan)), StressSolver(BondGraph(plan))
+    fine.tolerance *= 1e-3
+    coarse.iterate(5000)
+    fine.iterate(5000)
+    assert coarse.converged and fine.converged
+    difference = np.abs(coarse.utilisation()[0] - fine.utilisation()[0])
+    assert difference.max() < 0.01

@@ -12,14 +12,24 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Joints that crack, open, slide and close: walls, arches, hinges, against limit analysis."""
+"""Joints that crack, open, slide, close and are punched through, against limit analysis."""
 
-from masonry_walls import admissible, blueprint, bonded, wall
+from itertools import combinations
+
+from masonry_walls import admissible, blueprint, bonded, resistance_of, wall
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from procphys_ros.physics.masonry import BondGraph, Fracture, joint_kernels, StressSolver
+from procphys_ros.physics.masonry import (
+    BondGraph,
+    Fracture,
+    joint_kernels,
+    punched,
+    punching,
+    StressSolver,
+    together,
+)
 from procphys_ros.wallgrammar.arches import Curve, voussoirs
 from procphys_ros.wallgrammar.polygons import moments
 
@@ -144,12 +154,9 @@ def flat_arch(depth, friction, pitch, span=1.0, breadth=0.2):
 @pytest.mark.report('laws')
 @pytest.mark.parametrize(('friction', 'pitch'), [(0.1, 0.075), (0.2, 0.2), (0.3, 0.05)])
 def test_dry_flat_arches_stand_down_to_the_depth_of_limit_analysis(friction, pitch, measured):
-    """
-    Stand 4 % deeper than linear programming finds, and fall 4 % shallower.
-
-    In the limit of thin stones the thrust rises by the whole depth d and slides at the skewbacks,
-    which lean by 30 degrees: 4 d / span = tan(30° - atan μ).
-    """
+    """Stand 4 % deeper than linear programming finds, and fall 4 % shallower."""
+    # In the limit of thin stones the thrust rises by the whole depth d and slides at the
+    # skewbacks, which lean by 30 degrees: 4 d / span = tan(30° - atan μ).
     low, high = 0.01, 0.3
     while high - low > 1e-4:
         depth = 0.5 * (low + high)
@@ -202,12 +209,9 @@ def test_loads_that_change_amid_a_step_leave_nothing_further_away_than_a_step_ma
 
 
 def test_dry_walls_that_slide_over_a_hole_come_to_rest():
-    """
-    Take bricks out of the foot of walls whose joints are all cracked: balance is near.
-
-    Joints slide to and fro, and press more when they slide less. With tangents as stiff as whole
-    joints, or bounds of friction that jump to each new pressure, single walls take thousands.
-    """
+    """Take bricks out of the foot of walls whose joints are all cracked: balance is near."""
+    # Joints slide to and fro, and press more when they slide less. With tangents as stiff as whole
+    # joints, or bounds of friction that jump to each new pressure, single walls take thousands.
     spent = []
     for seed in range(4, 15, 2):
         rng = np.random.default_rng(seed)
@@ -246,3 +250,88 @@ def test_a_bound_of_friction_that_has_long_turned_back_follows_the_pressure_agai
     for _ in range(40):
         joint_kernels._follow(0, 100.0, bound, pace)
     assert bound[0] == pytest.approx(100.0)
+
+
+_ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+def excess(solver, push, parts, direction):
+    """Compute the push on a set of parts in excess of what the bonds around it bear [N]."""
+    return push[parts].sum() - resistance_of(solver, parts, direction).force
+
+
+def strike_singly(solver, struck, force, direction, acceleration=0.0):
+    """Strike each part by its own striker."""
+    return punched(solver, np.arange(len(struck)), np.asarray(struck), np.asarray(force),
+                   direction, acceleration)
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_no_other_set_has_a_larger_excess(seed):
+    """Strike a wall of ten bricks in any direction, and compare with all its 1,023 sets."""
+    rng = np.random.default_rng(seed)
+    solver = StressSolver(BondGraph(wall(3, 3)), tolerance=1e-6)
+    solver.iterate(500)
+    count, direction = solver.graph.count, rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    push = np.where(rng.random(count) < 0.5, rng.uniform(0.0, 60e3, count), 0.0)
+    held = np.where(push > 0.0, 0.0, rng.uniform(0.0, 500.0) * solver.graph.mass)
+    struck = np.flatnonzero(push)
+    acceleration = 2.0 * float(held.max() / solver.graph.mass[held.argmax()])
+    found = strike_singly(solver, struck, push[struck], direction, acceleration)
+    most = max(excess(solver, push - held, np.array(parts), direction)
+               for size in range(1, count + 1) for parts in combinations(range(count), size))
+    bonds = len(solver.graph) + count  # each rounded to a newton
+    if not found:
+        assert most < bonds
+        return
+    whole = together(found)
+    assert excess(solver, push - held, whole.parts, direction) == pytest.approx(most, abs=bonds)
+    assert whole.withstood.force == pytest.approx(
+        resistance_of(solver, whole.parts, direction).force)
+    for one in found:
+        assert one.withstood.energy == pytest.approx(
+            resistance_of(solver, one.parts, direction).energy)
+        assert np.array_equal(np.sort(one.withstood.bonds), solver.graph.boundary(one.parts))
+
+
+def test_two_blows_far_from_each_other_punch_two_holes():
+    """Strike a long wall at both ends, and at one of them too weakly."""
+    solver = StressSolver(BondGraph(wall(30, 10)))
+    ends = [153, 175]
+    alone = resistance_of(solver, np.array([ends[0]]), _ACROSS).force
+    for share, out in (([1.1, 1.1], [[153], [175]]), ([1.1, 0.9], [[153]]), ([0.9, 0.9], [])):
+        found = strike_singly(solver, ends, np.array(share) * alone, _ACROSS, 1e4)
+        assert [one.parts.tolist() for one in found] == out
+
+
+def test_what_strikes_drives_out_all_that_it_touches_or_nothing():
+    """Strike two bricks: as hard as one of them bears nothing moves, as both bear both do."""
+    solver = StressSolver(BondGraph(wall(30, 10)))
+    pair = np.array([153, 175])
+    alone = resistance_of(solver, pair[:1], _ACROSS).force
+    for share, out in ((1.9, []), (2.1, [153, 175])):
+        found = punched(solver, np.zeros(2, int), pair, np.array([share * alone]), _ACROSS, 1e4)
+        assert [part for one in found for part in one.parts.tolist()] == out
+
+
+def test_forces_of_any_size_are_compared(monkeypatch):
+    """Push with more newtons than an integer holds: what cannot stay goes, by the least cut."""
+    solver, struck = StressSolver(BondGraph(wall(30, 10))), np.array([153])
+    small = together(strike_singly(solver, struck, [np.inf], _ACROSS, 1e4))
+    assert small.parts.tolist() == [153]
+    for largest in (1e8, 1e5):
+        monkeypatch.setattr(punching, '_LARGEST', largest)
+        for force in (1e6, 1e12, np.inf):
+            one, = strike_singly(solver, struck, [force], _ACROSS, 1e4)
+            assert one.parts.tolist() == [153]
+            assert one.withstood.force == small.withstood.force
+
+
+def test_others_come_along_when_there_is_time():
+    """Drive a course out of a pier: slowly with all above it, quickly alone."""
+    middle = np.arange(12)[:, None] * [0.0, 0.0, 0.075] + [0.0, 0.0, 0.0325]
+    solver = StressSolver(BondGraph(bonded(middle, [0.215, 0.1025, 0.065])))
+    for acceleration, out in ((10.0, list(range(5, 12))), (1e4, [5])):
+        one, = strike_singly(solver, [5], [1e6], _ACROSS, acceleration)
+        assert one.parts.tolist() == out

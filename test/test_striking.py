@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Striking: projectiles against walls, panes and trees; blows on bricks; wind on walls."""
 
 from grown_trees import effective_mass
@@ -194,13 +193,10 @@ def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(en
 @pytest.mark.parametrize(('mass', 'speed', 'size'), [
     (7.0, 75.0, 0.12), (42.0, 33.0, 0.3), (1500.0, 4.0, 0.8)])
 def test_contacts_tell_what_they_gave(mass, speed, size, monkeypatch):
-    """
-    Throw balls through a wall: no momentum is lost on the way, level and along the throw.
-
-    What moves has, in every step, what the ball had, less what contacts tell that they gave to
-    what stood or lay fixed then, and what the ledger knows to be in the wall. What comes to rest
-    loses some centimetres per second.
-    """
+    """Throw balls through a wall: no momentum is lost on the way, level and along the throw."""
+    # What moves has, in every step, what the ball had, less what contacts tell that they gave to
+    # what stood or lay fixed then, and what the ledger knows to be in the wall. What comes to rest
+    # loses some centimetres per second.
     simulation = stand(wall(12, 24), engine='native')
     simulation.stages = tuple(stage for stage in simulation.stages
                               if stage.step is not fragments.apply_drag)
@@ -220,11 +216,8 @@ def test_contacts_tell_what_they_gave(mass, speed, size, monkeypatch):
     (5.0, 3.0, 0.2, 'sphere'), (20.0, 40.0, 0.3, 'sphere'), (1000.0, 8.0, 0.8, 'box'),
 ])
 def test_energy_is_never_gained(mass, speed, size, shape):
-    """
-    Let the energy of all that is loose only fall, but for the height of what falls out.
-
-    Masonry that a blow throws over comes off later, with energy that was lost to it before.
-    """
+    """Let the energy of all that is loose only fall, but for the height of what falls out."""
+    # Masonry that a blow throws over comes off later, with energy that was lost to it before.
     simulation = stand(wall(12, 24))
     throw(simulation, mass, speed, size=size, shape=shape)
     last, lost = energy(simulation), 0.0

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Tests of the shipped tree grammars: sizes, masses, strength against weight and wind."""
 
 from copy import copy
@@ -175,12 +174,9 @@ def test_every_segment_weighs_and_hangs_on_the_ground(name, seed):
 
 @_TREES
 def test_wood_carries_its_own_weight(name):
-    """
-    Keep the stress under own weight below a third of what wood of the species bears.
-
-    So does the median of nine trees; of 32 oaks, the most loaded species, single ones reach 0.87
-    to 1.16 of that third.
-    """
+    """Keep the stress under own weight below a third of what wood of the species bears."""
+    # So does the median of nine trees; of 32 oaks, the most loaded species, single ones reach 0.87
+    # to 1.16 of that third.
     shares = []
     for seed in range(9):
         tree = _build(name, seed)
@@ -268,13 +264,10 @@ def test_a_birch_sways_like_those_in_the_field(measured):
 
 @pytest.mark.report('nature')
 def test_an_oak_sways_like_those_in_the_field(measured):
-    """
-    Hold oaks of 16 m to 0.24 Hz within 10 %, those of 18 m to the range of the field.
-
-    An oak of 18 m in Wytham Woods swayed at 0.242 Hz, sycamores and birches of 16 m at 0.230 Hz to
-    0.242 Hz, all broadleaved trees pulled there at 0.166 Hz to 0.260 Hz (data of Jackson et al.
-    2019).
-    """
+    """Hold oaks of 16 m to 0.24 Hz within 10 %, those of 18 m to the range of the field."""
+    # An oak of 18 m in Wytham Woods swayed at 0.242 Hz, sycamores and birches of 16 m at 0.230 Hz
+    # to 0.242 Hz, all broadleaved trees pulled there at 0.166 Hz to 0.260 Hz (data of Jackson et
+    # al. 2019).
     trees = [_build('oak', seed, height=16.0) for seed in range(5)]
     assert np.median([_height(tree) for tree in trees]) == pytest.approx(16.0, rel=0.05)
     measured('frequency of oaks of 16 m, median of five (Jackson et al. 2019)',
@@ -285,11 +278,8 @@ def test_an_oak_sways_like_those_in_the_field(measured):
 
 
 def test_stands_are_whole_after_a_gale():
-    """
-    Lose nothing at a mean of 15 m/s with gusts across the rows.
-
-    Of 81 trees one whose wood or roots were drawn weak may go.
-    """
+    """Lose nothing at a mean of 15 m/s with gusts across the rows."""
+    # Of 81 trees one whose wood or roots were drawn weak may go.
     stands = _stands(turbulence_intensity=0.2,
                      velocity=(15.0 * np.cos(2.0), 15.0 * np.sin(2.0), 0.0))
     stands.step(600)

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Trees at rest and swaying, against beam theory and the conservation of energy."""
 
 from dataclasses import replace
@@ -20,8 +19,16 @@ from dataclasses import replace
 from grown_trees import beam, BENDING, bush, DENSITY, LENGTH, RADIUS
 import numpy as np
 import pytest
+from random_grammars import draw
+from scipy.linalg import eigh
 
+from procphys_ros.blueprint import skeleton
+from procphys_ros.blueprint.skeleton import LEAF_AREAL_DENSITY
+from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees import Forest
+from procphys_ros.scene import Scene
+from procphys_ros.simulation import Simulation
 
 _OMEGA = 1.87510407 ** 2 * np.sqrt(BENDING / (DENSITY * np.pi * RADIUS ** 2)) / LENGTH ** 2
 _NO_WEIGHT = (0.0, 0.0, 0.0)
@@ -328,3 +335,331 @@ def test_same_commands_give_identical_poses():
     forest.reset()
     assert np.array_equal(first, run(forest))
     assert np.array_equal(first, run(Forest(bush())))
+
+
+_BRACKET = 'axiom: Strength({}) !(0.1) F(2) &(90) F(1) F(1) F(1) F(1)'
+_STRESS = 0.25 * np.pi * 0.01 * 900 * 9.81 * 4.0 * 2.0 / (np.pi / 32.0 * 0.001)  # [Pa] at its root
+
+
+def simulation(text, *more):
+    """Make a simulation of a tree, and of others beside it."""
+    scene = Scene()
+    for i, tree in enumerate((text, *more)):
+        scene.add(LSystem.parse(tree).build(), (20.0 * i, 0.0, 0.0), 0.0, f'tree_{i}')
+    return Simulation(scene)
+
+
+def mass(text):
+    """Return the masses of the segments of a tree [kg]."""
+    return LSystem.parse(f'axiom: {text}').build().mass
+
+
+@pytest.mark.parametrize('share', [0.99, 1.01, 58.0])
+def test_a_tree_that_cannot_carry_itself_is_told_of(share):
+    """Warn from m·g·L/2 = σ·Z on, and say by how much; what is told of breaks at once."""
+    sim = simulation(_BRACKET.format(_STRESS / share), 'axiom: Strength(60e6) F(2)')
+    if share < 1.0:
+        assert not sim.warnings
+    else:
+        line, = sim.warnings
+        assert line.startswith('tree_0 does not carry its own weight: ') and 'Strength' in line
+        # The bend of the stem is as long a lever as the first joint of the arm.
+        assert float(line.split(' m by ')[1].split()[0]) == pytest.approx(share, rel=5e-3)
+    sim.step()
+    assert (len(sim.events) > 0) == (share > 1.0)
+
+
+def test_trees_that_join_are_told_of():
+    """Warn of what is added to a running scene, and of that alone."""
+    sim = simulation(_BRACKET.format(0.5 * _STRESS))
+    before = sim.warnings
+    pole = LSystem.parse('axiom: BreakForce(10) !(0.1) F(1)').build()
+    sim.add(pole, (0.0, 9.0, 0.0), 0.0, 'new')
+    assert sim.warnings[:len(before)] == before and len(sim.warnings) == len(before) + 1
+    assert 'new does not carry its own weight: 1 of 1 joints are overloaded' in sim.warnings[-1]
+    assert sim.warnings[-1].endswith('times its BreakForce')
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_weight_overloads_what_breaks_in_the_first_step(seed):
+    """Compare with the joints that a forest at rest finds overloaded, for trees of all sorts."""
+    for sample in draw(seed, 3, 0)[0]:
+        forest = Forest(LSystem.parse(sample.text).build(seed=sample.seed))
+        if forest.has_sagged:
+            continue
+        rows, causes, ratio = forest.overloaded_by_weight()
+        forest.step(1.0 / 60.0)
+        found, found_causes, _, _ = forest.overloaded()
+        sure = ratio > 1.0 + 1e-6
+        assert set(rows[sure]) <= set(found) and len(found) <= len(rows) + np.sum(~sure)
+        told = dict(zip(rows.tolist(), causes.tolist()))
+        assert all(told.get(row, cause) == cause for row, cause in
+                   zip(found.tolist(), found_causes.tolist()))
+
+
+def test_trees_that_hold_are_not_told_of():
+    """Stay silent about trees without weight or strength, and where the roots hold."""
+    scene = simulation('axiom: !(0.1) F(9)', 'axiom: RootMoment(1e5) !(0.1) F(2) &(30) F(3)')
+    assert not scene.warnings
+    line, = simulation('axiom: RootMoment(1) !(0.1) F(2) &(30) F(3)').warnings
+    assert line.endswith('times its RootMoment')
+    blueprint = LSystem.parse(_BRACKET.format(1.0)).build()
+    assert len(Forest(blueprint, gravity=(0.0, 0.0, 0.0)).overloaded_by_weight()[0]) == 0
+    rows, causes, _ = Forest(blueprint).overloaded_by_weight()
+    assert len(rows) == 5 and set(causes.tolist()) == {Cause.BENDING}
+
+
+@pytest.mark.parametrize(('polygon', 'area'), [
+    ('{ . f(1) +(90) . f(1) +(90) . f(1) +(90) . }', 1.0),
+    ('{ . f(2) +(90) f(0.5) +(90) f(2) }', 1.0), ('[ +(90) { . f(1) +(90) f(1) } ]', 0.5),
+    ('{ f(1) }', 0.0), ('{ . f(1) +(120) . f(1) . } ~(0.5)', 0.25 + 0.75 ** 0.5 / 2)])
+def test_polygons_weigh_and_catch_wind_as_leaves_do(polygon, area):
+    """Add the area of what is drawn to that of the leaves of the segment."""
+    bare, tree = (LSystem.parse(f'axiom: !(0.03) F(1) F(1) {more}').build()
+                  for more in ('', polygon))
+    assert tree.leaf_area == pytest.approx([0.0, area])
+    assert tree.mass - bare.mass == pytest.approx([0.0, LEAF_AREAL_DENSITY * area])
+    leaf = LSystem.parse(f'axiom: !(0.03) F(1) F(1) ~({max(area, 1e-6) ** 0.5})').build()
+    leant = [Forest(blueprint) for blueprint in (tree, leaf)]
+    for forest in leant:
+        forest.lean(np.arange(1), np.tile([10.0, 0.0, 0.0], (2, 1)))
+    assert leant[0].poses == pytest.approx(leant[1].poses, abs=1e-6)
+
+
+def test_segments_end_as_wide_as_the_next_one_begins():
+    """Taper to what goes on; keep the width before a branch, and where nothing follows."""
+    cylinder = 900 * np.pi * 0.25 * 0.01
+    assert mass('!(0.1) F(1) !(0.1) F(1)')[0] == pytest.approx(cylinder)
+    total = mass('!(0.1) F(1) !(0.05) F(1)').sum()
+    assert total == pytest.approx(cylinder * (1.75 / 3.0 + 0.25))
+    assert mass('!(0.1) F(1) [ !(0.05) F(1) ]') == pytest.approx([cylinder, 0.25 * cylinder])
+    stalk = 'F(0.1) [ !(0.1) F(0.1) ]'
+    assert mass(f'!(0.01) {stalk}') == pytest.approx([0.001 * cylinder, 0.1 * cylinder])
+    assert mass('!(0.1) WidthRate(0.5) F(1)') == pytest.approx([cylinder * 1.75 / 3.0])
+
+
+@pytest.mark.parametrize('branch', [False, True])
+def test_a_column_buckles_at_greenhills_height(branch):
+    """Stand below 7.837·E·I/(w·h³) = 1, be told of above; a branch weighs where it sits."""
+    height = (7.8373 * 1e10 * 0.05**2 / 16.0 / 800.0 / 9.81) ** (1.0 / 3.0)
+    pole = 'axiom: Density(800) Modulus(1e10) !(0.05) ' + 'F({0})' * 20
+    pole += ' [ &(90) !(0.02) F(0.5) ]' * branch
+    low, high = (simulation(pole.format(part * height / 20.0))
+                 for part in (0.93 if branch else 0.99, 1.01))
+    assert not low.warnings
+    line, = high.warnings
+    assert line.startswith('tree_0 is too slender to stand upright: it buckles under 0.9')
+    share = high.state.forest.buckling()[1][0]
+    lightest = 0.92 if branch else 0.998
+    assert lightest < share * 1.01**3 < (0.99 if branch else 1.001)
+
+
+def test_what_is_told_to_buckle_topples():
+    """Let a touch decide: a column above Greenhill's height falls, one below swings back."""
+    for part, falls in ((0.9, False), (1.15, True)):
+        height = part * (7.8373 * 1e10 * 0.05**2 / 16.0 / 800.0 / 9.81) ** (1.0 / 3.0)
+        sim = simulation('axiom: Density(800) Modulus(1e10) DampingRatio(0.3) !(0.05) '
+                         + f'F({height / 12.0})' * 12)
+        sim.apply_impulse(11, (0.02, 0.0, 0.0))
+        sim.step(1500)
+        assert (abs(sim.poses[11, 0]) > 0.5) == falls
+
+
+_HEIGHT, _WIDTH, _DENSITY, _MODULUS = 10.0, 0.3, 900.0, 8e9  # SI
+_BRANCH = 'axiom: Width(0.04) &(90) Density(800) Modulus(8e9) {shape} {segments}\n'
+
+
+def _beam_frequency(taper: float, elements: int = 200) -> float:
+    """Compute f1 of a tapered cantilever by Euler-Bernoulli elements [Hz]."""
+    length = _HEIGHT / elements
+    stiffness, mass = np.zeros((2, 2 * elements + 2, 2 * elements + 2))
+    bend = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)
+    carry = np.array([[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22],
+                      [-13, -3, -22, 4]], float) / 420.0
+    unit = np.array([1.0, length, 1.0, length])
+    for i in range(elements):
+        width = _WIDTH * (1.0 + (taper - 1.0) * (i + 0.5) / elements)
+        at = slice(2 * i, 2 * i + 4)
+        inertia = _MODULUS * np.pi * width ** 4 / 64.0
+        stiffness[at, at] += inertia / length ** 3 * bend * np.outer(unit, unit)
+        mass[at, at] += (_DENSITY * np.pi * width ** 2 / 4.0 * length * carry
+                         * np.outer(unit, unit))
+    square = eigh(stiffness[2:, 2:], mass[2:, 2:], eigvals_only=True, subset_by_index=[0, 0])
+    return float(np.sqrt(square[0])) / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize('taper', [1.0, 0.5, 0.3, 0.1])
+def test_ten_tapered_segments_sway_like_the_beam(taper):
+    """Hold f1 of a stem that tapers down to a tenth within 2 %."""
+    nodes = np.zeros((11, 3))
+    nodes[:, 2] = np.linspace(0.0, _HEIGHT, 11)
+    stem = skeleton.from_nodes(nodes, np.arange(11) - 1,
+                               0.5 * _WIDTH * np.linspace(1.0, taper, 11), density=_DENSITY,
+                               modulus=_MODULUS, damping_ratio=0.01)
+    forest, path, dt = Forest(stem, (0.0, 0.0, 0.0), 0.0), [], 1.0 / 400.0
+    forest.apply_impulse(9, linear=(0.1, 0.0, 0.0))
+    for _ in range(1600):
+        forest.step(dt)
+        path.append(forest.poses[3, 0])
+    free = np.array(path)
+    # The higher modes of the push die out first; what is left is counted from zero to zero.
+    late = free[-800:]
+    before = np.flatnonzero(late[1:] * late[:-1] < 0.0)
+    times = dt * (before + late[before] / (late[before] - late[before + 1]))
+    frequency = (len(times) - 1) / (2.0 * (times[-1] - times[0]))
+    assert frequency == pytest.approx(_beam_frequency(taper), rel=0.02)
+
+
+def _branch(shape: str, count: int) -> Forest:
+    return Forest(LSystem.parse(_BRANCH.format(shape=shape, segments='F(0.1) ' * count)).build())
+
+
+def test_a_branch_drawn_unloaded_sags_as_beam_theory():
+    """Expect w·L⁴/8EI at the tip of a level branch of 2 m, and no motion afterwards."""
+    forest = _branch('Preload(0)', 20)
+    drawn = _branch('', 20).poses[19]
+    weight = 800.0 * np.pi / 4.0 * 0.04 ** 2 * 9.81
+    sag = weight * 2.0 ** 4 / (8.0 * 8e9 * np.pi * 0.04 ** 4 / 64.0)
+    tip = forest.poses[19, 2] + 0.05 * (forest.poses[19, 2] - forest.poses[18, 2]) / 0.1
+    assert drawn[2] - tip == pytest.approx(sag, rel=0.02)
+    rest = forest.poses.copy()
+    for _ in range(120):
+        forest.step(1.0 / 60.0)
+    np.testing.assert_allclose(forest.poses, rest, atol=1e-9)
+    forest.reset()
+    np.testing.assert_array_equal(forest.poses, rest)
+
+
+def test_a_whip_that_is_drawn_level_hangs():
+    """Let a branch sag that its weight outdoes: it hangs down, at rest, in balance."""
+    text = _BRANCH.format(shape='Width(0.004) SwingLimit(90) Preload(0)', segments='F(0.1) ' * 20)
+    forest = Forest(LSystem.parse(text).build())
+    rest = forest.poses.copy()
+    assert rest[19, 2] < -1.0
+    for _ in range(120):
+        forest.step(1.0 / 60.0)
+    np.testing.assert_allclose(forest.poses, rest, atol=1e-6)
+
+
+def test_half_a_preload_sags_half():
+    """Allow for half of the weight in the drawn shape: half of the small sag is left."""
+    drawn, half, none = (_branch(shape, 5).poses[4, 2]
+                         for shape in ('', 'Preload(0.5)', 'Preload(0)'))
+    assert drawn - half == pytest.approx(0.5 * (drawn - none), rel=1e-3)
+
+
+def test_a_scene_begins_sagged():
+    """Show the sagged pose before the first step already."""
+    scene = Scene.from_parameters({
+        'scene': {'objects': ['twig']},
+        'twig': {'grammar_text': _BRANCH.format(shape='Preload(0)', segments='F(0.1) ' * 20)}})
+    simulation = Simulation(scene)
+    first = simulation.poses.copy()
+    assert first[19, 2] < scene.blueprint.poses[19, 2] - 0.01
+    simulation.step(30)
+    np.testing.assert_allclose(simulation.poses, first, atol=1e-9)
+
+
+def test_a_root_plate_turns_out_of_the_ground():
+    """Push a stem beyond its root moment: it falls whole, and the event says why."""
+    text = ('axiom: Width(0.2) Strength(60e6) RootMoment({:g}) F(2) F(2) F(2) F(2) F(2) F(2) F(2) '
+            'F(2) F(2)\n')
+    holds = 60e6 * np.pi / 32.0 * 0.2 ** 3
+    for moment, cause in ((0.8 * holds, Cause.UPROOTING), (1.2 * holds, Cause.BENDING)):
+        simulation = Simulation(Scene.from_parameters({
+            'scene': {'objects': ['mast']}, 'wind': {'turbulence_intensity': 0.0},
+            'mast': {'grammar_text': text.format(moment)}}))
+        simulation.set_wind((150.0, 0.0, 0.0))
+        while not len(simulation.events) and simulation.time < 20.0:
+            simulation.step()
+        assert simulation.events['cause'][0] == cause
+        assert simulation.events['part_a'][0] == -1
+        assert 1.0 < simulation.events['load'][0] < 1.2
+        simulation.set_wind((0.0, 0.0, 0.0))
+        simulation.step(600)
+        assert simulation.poses[:, 2].max() < 4.0
+
+
+def test_only_joints_in_the_ground_are_uprooted():
+    """Leave the root moment of all segments to the first."""
+    nodes = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])
+    stem = skeleton.from_nodes(nodes, [-1, 0, 1], [0.1] * 3)
+    loads = Forest(replace(stem, hinges=replace(stem.hinges, root_moment=np.full(2, 10.0))))
+    loads.apply_impulse(1, linear=(50.0, 0.0, 0.0))
+    loads.step(1.0 / 60.0)
+    assert Cause.UPROOTING in loads.overloaded()[1]
+    grown = LSystem.parse('axiom: RootMoment(10) F F F\n').build()
+    assert np.isinf(grown.hinges.root_moment[1:]).all() and grown.hinges.root_moment[0] == 10.0
+
+
+_DT = 1.0 / 60.0  # [s]
+
+
+def _two_poles(contact: bool, apart: float = 0.35) -> Simulation:
+    """Stand two undamped poles of 5 m beside each other, in a vacuum but for the scene's air."""
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'trees': {'contact': contact}})
+    for i in range(2):
+        scene.add(beam(4, damping_ratio=0.0), (apart * i, 0.0, 0.0), 0.0, f'pole_{i}')
+    return Simulation(scene)
+
+
+def _swing(simulation: Simulation) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Hit the top of the first pole towards the second.
+
+    :returns: energy after each step [J], (T,), and the second's largest way so far [m], (T,).
+    """
+    forest, second = simulation.state.forest, simulation.objects[1]
+    simulation.apply_impulse(3, (40.0, 0.0, 0.0))
+    simulation.step()
+    energy, way = [forest.energy()], []
+    parts = np.arange(second.first, second.first + second.count)
+    for _ in range(150):
+        simulation.step()
+        energy.append(forest.energy())
+        way.append(np.abs(simulation.poses[parts, :3]
+                          - simulation.blueprint.poses[parts, :3]).max())
+    return np.array(energy), np.array(way)
+
+
+def test_poles_pass_through_each_other_unless_asked():
+    """Leave the second pole exactly where it stands while the first sways through it."""
+    energy, way = _swing(_two_poles(False))
+    assert energy[0] > 10.0 and not way.any()
+
+
+def test_poles_push_each_other_and_make_no_energy():
+    """Move the second pole by a decimetre, and let the energy of both only fall."""
+    energy, way = _swing(_two_poles(True))
+    assert way.max() > 0.1
+    assert np.diff(energy).max() <= 1e-3 * energy[0]
+
+
+def test_poles_that_meet_keep_their_momentum():
+    """Expect momentum to change by what the ground and the weight give, and by nothing else."""
+    # The wrenches of the roots hold what the ground gives; contacts act inside.
+    simulation = _two_poles(True)
+    forest, mass = simulation.state.forest, simulation.blueprint.mass
+    roots = np.flatnonzero(forest.parents < 0)
+    simulation.apply_impulse(3, (40.0, 0.0, 0.0))
+    simulation.step()
+    start = mass[forest.parts] @ forest.velocities[:, 0]
+    given, met = 0.0, 0.0
+    for _ in range(12):
+        simulation.step()
+        given += _DT * forest.joint_wrenches[roots, 0].sum()
+        met += np.abs(simulation.state.contacts.impulse[:, 0]).sum()
+    end = mass[forest.parts] @ forest.velocities[:, 0]
+    assert met > 0.3 * start
+    assert end - start == pytest.approx(given, abs=0.05 * met)
+
+
+def test_crowns_that_grew_into_each_other_rest():
+    """Leave trees alone whose branches were drawn through each other, in still air."""
+    scene = Scene.from_parameters({'scene': {'objects': []}, 'trees': {'contact': True}})
+    for i in range(3):
+        scene.add(bush(40, seed=i), (0.3 * i, 0.0, 0.0), 0.0, f'bush_{i}')
+    simulation = Simulation(scene)
+    before = simulation.poses.copy()
+    simulation.step(60)
+    assert np.abs(simulation.poses - before).max() < 1e-6

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Forward dynamics of trees against dense mass matrices, and against closed forms in flight."""
 
 from copy import deepcopy

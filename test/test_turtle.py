@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The turtle: movement, the physics of segments, leaves, ornaments and what it refuses."""
 
 import re

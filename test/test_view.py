@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The page in the browser, as far as it can be judged without a browser."""
 
 from dataclasses import replace

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """The page of a running node: its topics in, commands out, and its death shown."""
 
 import json

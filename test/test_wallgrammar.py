@@ -12,9 +12,10 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Facades: splits, repeats, borders, grids, extrusions, weights and conditions."""
+"""Facades and whole wall grammars: what they build, and what is refused and where."""
 
 from pathlib import Path
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -209,3 +210,281 @@ def test_the_example_of_the_documentation_builds():
     shed = WallGrammar.parse(text).build()
     assert {'brick', 'board', 'lintel', 'rafter', 'tile', 'verge'} <= set(shed.kinds)
     assert shed.poses[:, 2].max() > 3.0
+
+
+_SQUARE = '(0, 0) (width, 0) (width, 4) (0, 4)'
+_GOOD = """building b(width = 4)
+  footprint: (0, 0) (width, 0) (width, 4) (0, 4)
+  facades: front
+  storey_height: 3
+rule front -> wall
+layout running { unit: 0.215 0.1025 0.065 joint: 0.01 material: brick }
+panel wall: running
+panel window: glazing(timber, glass)
+panel lintel: beam(concrete)
+"""
+
+
+def refusal(old, new, most_parts=200_000, **defines):
+    """Replace a piece of a sound grammar, build it and give the error."""
+    assert old in _GOOD
+    with pytest.raises(GrammarError) as caught:
+        WallGrammar.parse(_GOOD.replace(old, new), 'bad.wall', most_parts).build(**defines)
+    return caught.value
+
+
+def test_the_unspoilt_grammar_builds():
+    """Build, so that every refusal below is caused by its change."""
+    assert len(WallGrammar.parse(_GOOD).build()) > 1000
+
+
+@pytest.mark.parametrize('old, new, line, words', [
+    # syntax
+    ('facades: front', 'facades front', 3, 'list of corners'),
+    ('-> wall', '-> split(z) { ~1: wall }', 5, 'split(x) or split(y)'),
+    ('(0, 4)', '(0, 4', 3, 'expected'),
+    ('storey_height: 3', 'storey_heigth: 3', 4, 'storey_height'),
+    ('  facades: front\n', '', 1, 'needs "facades:"'),
+    # names
+    ('rule front -> wall', 'rule front -> wal', 5, 'did you mean wall'),
+    ('rule front -> wall', 'rule front(n) -> wall', 3, 'takes 1 arguments, found 0'),
+    ('rule front -> wall', 'rule front -> wall(3)', 5, 'takes no arguments'),
+    ('rule front -> wall', 'rule front : width > x -> wall', 5, 'unknown name "x"'),
+    ('material: brick', 'material: brik', 6, 'did you mean brick'),
+    ('panel wall: running', 'panel wall: runing', 7,
+     'unknown kind "runing" of panel "wall"; did you mean running?'),
+    ('panel wall: running', 'panel wall: running(brick)', 7, 'layout "running" of panel "wall" '
+     'takes no arguments'),
+    ('beam(concrete)', 'beem(concrete)', 9, 'did you mean beam?'),
+    ('beam(concrete)', 'beam(3)', 9, 'expected the name of a material'),
+    ('beam(concrete)', 'timber(7, 2)', 9, 'unknown kind "timber"'),
+    ('beam(concrete)', 'beam', 9, '"beam" takes one name of a material, found 0'),
+    ('beam(concrete)', '1 + 2', 9, 'a panel is the name of a layout, or boards(material)'),
+    ('glazing(timber, glass)', 'glazing(timber)', 8, 'takes 2'),
+    ('glazing(timber, glass)', 'glazing(timber, glas)', 8, 'did you mean glass'),
+    ('layout running { unit: 0.215 0.1025', 'layout english { unit: 0.215 0.09', 6,
+     'english bond needs'),
+    ('layout running', 'layout zigzag', 6, 'running, stack, english, flemish'),
+    ('panel lintel', 'panel wall', 9, 'exists already'),
+    # numbers
+    ('joint: 0.01', 'joint: 0.5', 6, 'joint'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025', 6, 'length, width and height'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 0', 6, 'each from'),
+    ('storey_height: 3', 'storey_height: 0', 4, '0.1 to 100'),
+    ('storey_height: 3', 'storey_height: 1/0', 4, 'zero'),
+    ('storey_height: 3', 'storey_height: 3 storeys: 1.5', 4, 'whole number'),
+    ('storey_height: 3', 'storey_height: 3 floors: lava', 4, 'timber'),
+    ('storey_height: 3', 'storey_height: 3 floors: slab(9)', 4, '0.05 to 1'),
+    ('storey_height: 3', 'storey_height: 3 roof: hip(5)', 4, '10 to 70'),
+    (_SQUARE, '(0, 0) (width + 0.2, 0) (width + 0.2, 4) (0, 4) roof: hip(40)', 1,
+     'meet 0.20 m apart'),
+    ('storey_height: 3', 'storey_height: 3 partitions: halves', 4, 'takes 1'),
+    # splits
+    ('-> wall', '-> split(x) { 9: wall | 2: wall }', 5, 'need 11 m and do not fit into 4 m'),
+    ('-> wall', "-> split(x) { 3.9: wall | '0.1: wall }", 5, 'need 4.3 m and do not fit'),
+    ('-> wall', '-> split(x) { { 5: wall }* }', 5, 'do not fit'),
+    ('panel wall', 'material brick { texture: brik }\npanel wall', 7, 'did you mean brick'),
+    ('-> wall', '-> split(x) { { 0: wall }* }', 5, 'greater than 0'),
+    ('-> wall', '-> split(x) { { ~0.000001: wall }* }', 5, 'repeats are too many'),
+    ('-> wall', '-> insert(5, 1) { window | wall }', 5, 'does not fit'),
+    ('-> wall', '-> border(-1) { window | wall }', 5, 'from 0 to 1e+06 m, found -1'),
+    ('-> wall', '-> wall : 0', 3, 'no rule'),
+    ('-> wall', '-> split(x) { -1: wall | ~1: wall }', 5, 'from 0 to 1e+06, found -1'),
+    ('-> wall', '-> split(x) { 1e300: wall | ~1: wall }', 5, 'from 0 to 1e+06, found 1e+300'),
+    ('-> wall', '-> extrude(1e300) { wall }', 5, 'from -1e+06 to 1e+06 m, found 1e+300'),
+    ('-> wall', '-> insert(1e300, 1) { wall | wall }', 5, 'from 0 to 1e+06 m'),
+    ('-> wall', '-> grid(1e-300, 1) { wall }', 5, 'repeats are too many'),
+    ('-> wall', '-> wall : 1e300', 5, 'a weight must be from 0 to 1e+12, found 1e+300'),
+    (_SQUARE, '(1e13, 0) (1e13 + 4, 0) (1e13, 4)', 2, 'coordinates must be from -100000 to'),
+    ('-> wall', '-> split(x) { { ~0.00005: wall }* }', 3, '100000 divisions'),
+    # numbers that are none
+    ('(width, 0)', '(sqrt(-width), 0)', 2, 'sqrt(-4) is not real'),
+    ('(width, 0)', '(1e308 * 10, 0)', 2, 'overflows'),
+    ('(width, 0)', '(1e999, 0)', 2, 'beyond the range'),
+    ('(width, 0)', '(0 / 0, 0)', 2, 'division of 0 by zero'),
+    ('-> wall', '-> split(x) { ~log(width - 4): wall }', 5, 'log(0) does not exist'),
+    ('front -> wall', 'front : width % 0 -> wall', 5, 'remainder of 4 by zero'),
+    ('joint: 0.01', 'joint: 0.01 offset: 7', 6, 'from -1 to 1'),
+    # geometry
+    (_SQUARE, '', 2, 'nothing stands behind "footprint:"'),
+    ('facades: front', 'facades:', 3, 'nothing stands behind "facades:"'),
+    (_SQUARE, '(0, 0)', 2, 'at least 2 corners'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 0) (4, 4) (0, 4)', 2, 'this corner and the next one are'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 0.01) (4, 4) (0, 4)', 2, 'shorter than 0.1 m'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 4) (0, 4) (0, 0)', 2, 'the last corner repeats the first'),
+    (_SQUARE, '(0, 0) (0, 4) (4, 4) (4, 0) (0, 0)', 2, 'the last corner repeats the first'),
+    (_SQUARE, '(0, 0) (2e4, 0) (0, 4)', 2, 'longer than 10000 m'),
+    (_SQUARE, '(0, 0) (2, 0) (4, 0)', 2, 'on one line'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 4) (2, 0) (0, 4)', 2, 'crosses itself'),
+    ('-> wall', '-> window', 1, 'no facade has a panel with a layout'),
+    ('-> wall', '-> split(x) { 1: window | ~1: wall }', 5, 'corner'),
+    ('-> wall', '-> extrude(0.09) { wall }', 5, 'keeps it bonded'),
+    ('-> wall', '-> split(x) { ~1: wall | 0.08: window | ~1: wall }', 5, 'too small'),
+    ('-> wall', '-> split(y) { ~1: column }\nrule column -> split(x) { 0.18: wall | ~1: band | '
+     '0.18: wall }\nrule band -> split(y) { 1: window | 0.3: lintel | ~1: wall }', 7,
+     'bears only'),
+    (_SQUARE, '(0, 0) (0, 4) (width, 4) (width, 0)', 2,
+     'counter-clockwise'),
+    (_SQUARE, '(0, 0) (width, 4) (width, 0) (0, 4)', 2,
+     'crosses itself'),
+    (_SQUARE, '(0, 0) (4, 0) (0, 0.5)', 2, 'degrees'),
+    (_SQUARE, '(0, 0) (4, 0) (4, 0.15) (0, 0.15)', 2, 'too short'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 5 0.1025 0.065', 5, 'larger than the panel'),
+    ('unit: 0.215 0.1025 0.065', 'unit: 0.215 0.1025 3.5', 5, 'larger than the panel'),
+])
+def test_refusal_names_the_place(old, new, line, words):
+    """Say where and why."""
+    error = refusal(old, new)
+    assert error.source == 'bad.wall' and error.line == line, str(error)
+    assert words in error.message, str(error)
+
+
+@pytest.mark.parametrize('entry', ['tension: -1', 'cohesion: -1', 'compression: 0', 'density: 0',
+                                   'modulus: 0'])
+def test_zero_strength_is_refused(entry):
+    """Refuse materials that hold nothing."""
+    error = refusal('panel wall', f'material brick {{ {entry} }}\npanel wall')
+    assert error.line == 7 and 'must be from' in error.message
+
+
+@pytest.mark.parametrize('entry, allowed', [
+    ('density: 1e300', '1 to 25000'), ('tension: 1e100', '0 to 1e+12'),
+    ('friction: -1', '0 to 10'), ('modulus: 1', '1000 to 2e+12')])
+def test_materials_that_do_not_exist_are_refused(entry, allowed):
+    """Refuse what would make masses and stiffnesses without finite values."""
+    error = refusal('panel wall', f'material brick {{ {entry} }}\npanel wall')
+    assert error.line == 7 and allowed in error.message
+
+
+def test_new_material_needs_its_strengths():
+    """Name the keys that are missing."""
+    error = refusal('panel wall', 'material mud { density: 1500 }\npanel wall')
+    assert 'tension, cohesion, compression' in error.message
+
+
+def test_endless_recursion_is_refused():
+    """Stop rules that call themselves, whether or not they make their scope smaller."""
+    assert 'deep' in refusal('-> wall', '-> front').message
+    assert 'deep' in refusal('-> wall', '-> split(x) { ~1: front | ~1: front }').message
+
+
+def test_endless_division_is_refused():
+    """Stop before a facade of millions of panels exhausts the machine."""
+    assert '100000 cells' in refusal('-> wall', '-> grid(0.002, 0.002) { wall }').message
+    rules = '-> grid(0.1, 0.1) { cell }\nrule cell -> grid(0.01, 0.01) { wall }'
+    assert '100000 divisions' in refusal('-> wall', rules).message
+
+
+def test_deep_nesting_is_refused():
+    """Refuse what is written too deep, before Python's own stack ends."""
+    for head, tail in (('split(x) { ~1: ', ' }'), ('split(x) { { ~1: wall }* | ~1: ', ' }')):
+        error = refusal('-> wall', '-> ' + head * 1200 + 'wall' + tail * 1200)
+        assert 'nested more than' in error.message
+    error = refusal('-> wall', '-> split(x) { ' + '{' * 1200 + '~1: wall' + '}*' * 1200 + '}')
+    assert 'nested more than' in error.message
+
+
+def test_a_million_bricks_are_refused_before_they_are_built():
+    """Refuse by the count, with the bound and the remedy."""
+    error = refusal('storey_height: 3', 'storey_height: 90', width=200.0)
+    assert '200000 parts' in error.message and 'most_parts' in error.message
+    assert 'more than 100 parts' in refusal('rule', 'rule', most_parts=100).message
+
+
+def test_what_hangs_in_the_air_is_refused():
+    """Name a part that nothing carries."""
+    error = refusal('-> wall', '-> split(y) { 1: wall | 1: gap | ~1: wall }\npanel gap: none')
+    assert 'hang in the air' in error.message and 'brick' in error.message
+
+
+@pytest.mark.parametrize('timber', ['floors: timber', 'roof: hip(40)', 'roof: gable(40)'])
+def test_timber_needs_right_angles(timber):
+    """Refuse floors and roofs over a hexagon."""
+    shape = '(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)'
+    assert 'right angles only' in refusal(_SQUARE, f'{shape}\n  {timber}').message
+
+
+@pytest.mark.parametrize('roof', ['gable(40)', 'hip(40)'])
+def test_roof_needs_room_for_its_timbers(roof):
+    """Refuse roofs over a plan that is hardly more than its walls."""
+    error = refusal(_SQUARE, f'(0, 0) (3, 0) (3, 0.6) (0, 0.6)\n  roof: {roof}')
+    assert 'at least 0.5 m between opposite walls' in error.message
+
+
+def test_window_in_the_way_of_a_slab_is_refused():
+    """Ask for a strip of wall where the slab passes."""
+    error = refusal('rule front -> wall', 'floors: slab(0.2)\nrule front -> split(x) '
+                    '{ ~1: wall | 1: window | ~1: wall }')
+    assert 'slab' in error.message and 'window' in error.message
+
+
+def test_unknown_define_is_refused():
+    """Offer the parameters that exist."""
+    with pytest.raises(GrammarError, match='width'):
+        WallGrammar.parse(_GOOD).build(widht=3.0)
+
+
+@pytest.mark.parametrize('text, words', [
+    ('', 'found the end, expected "building"'), ('# nothing\n\n', 'found the end'),
+    ('\0\1\2ELF\x7f', r'found "\x00", expected "building"'), ('@@ ]] }}', 'found "@"'),
+    ('rule a -> b\n', 'exactly one building, found 0'),
+    (_GOOD + _GOOD, 'exactly one building, found 2'), ('#' * 300_000, 'at most 200000')])
+def test_what_is_no_grammar_is_refused(text, words):
+    """Say what was found, for nothing, noise, half a grammar and far too much."""
+    with pytest.raises(GrammarError) as caught:
+        WallGrammar.parse(text, 'bad.wall')
+    assert words in caught.value.message and caught.value.source == 'bad.wall'
+
+
+@pytest.mark.parametrize('content, words', [
+    (b'', 'found the end'), (b'\x7fELF\x02\x01\x01\x00\xff\xfe\x80' * 99, 'cannot read'),
+    (b'#' * 300_000, 'more than 200000')])
+def test_files_that_are_no_text_are_refused(tmp_path, content, words):
+    """Read nothing, a program and a very long file; name the file."""
+    path = tmp_path / 'odd.wall'
+    path.write_bytes(content)
+    with pytest.raises(GrammarError, match=words) as caught:
+        WallGrammar.load(path)
+    assert caught.value.source == str(path)
+
+
+def test_the_mark_in_front_of_a_text_is_no_part_of_it(tmp_path):
+    """Read files as editors of Windows write them."""
+    path = tmp_path / 'marked.wall'
+    path.write_text(_GOOD.replace('\n', '\r\n'), encoding='utf-8-sig')
+    assert len(WallGrammar.load(path).build()) > 1000
+
+
+@pytest.mark.parametrize('path', ['/dev/zero', '/dev/null', '/dev/tty'])
+def test_devices_are_not_read(path):
+    """Refuse what never ends, and what waits for a key."""
+    with pytest.raises(GrammarError, match='cannot read the grammar'):
+        WallGrammar.load(path)
+
+
+@pytest.mark.parametrize('extra', ['partitions: halves(1)', 'floors: slab(0.2)', 'floors: timber',
+                                   'roof: gable(40)', 'roof: hip(40)', 'roof: flat'])
+def test_endless_interiors_are_refused_before_they_are_built(extra):
+    """Count rooms, slabs, joists and tiles of a hall of 6 x 3 km before making any."""
+    text = _GOOD.replace(_SQUARE, '(0, 0) (6000, 0) (6000, 3000) (0, 3000)')
+    text = text.replace('storey_height: 3', f'storey_height: 0.15\n  {extra}')
+    tracemalloc.start()
+    with pytest.raises(GrammarError, match='more than 200000 parts'):
+        WallGrammar.parse(text).build()
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+
+
+def test_a_footprint_of_thousands_of_corners_is_refused():
+    """Refuse it before its edges are compared with each other."""
+    points = ' '.join(f'({200 * np.cos(a):.4f}, {200 * np.sin(a):.4f})'
+                      for a in np.linspace(0.0, 6.28, 501))
+    assert 'at most 500 corners, found 501' in refusal(_SQUARE, points).message
+
+
+def test_missing_file_is_refused(tmp_path):
+    """Report a file that is not there, and a folder, as grammar errors."""
+    for path in (tmp_path / 'nowhere.wall', tmp_path):
+        with pytest.raises(GrammarError, match='cannot read'):
+            WallGrammar.load(path)

@@ -12,17 +12,21 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Whole buildings: nothing hangs, nothing overlaps, and the work grows with the parts."""
+"""Whole buildings: plans, storeys and floors, where nothing hangs or overlaps."""
 
 from pathlib import Path
 import re
 
-from building_checks import count_loose, deepest_overlap, OVERLAP
+from building_checks import count_loose, deepest_overlap, OVERLAP, standing, take_out
+from masonry_walls import wall
 import numpy as np
 import pytest
 
 from procphys_ros.blueprint import GROUND
+from procphys_ros.errors import GrammarError
+from procphys_ros.simulation import masonry
 from procphys_ros.wallgrammar import contacts, WallGrammar
+from procphys_ros.wallgrammar.footprint import square_up
 
 _GRAMMARS = Path(__file__).parents[1] / 'grammars'
 
@@ -219,3 +223,290 @@ panel wall: running
     assert count_loose(house) == 0
     kind = np.array(house.kinds)[house.kind[house.bonds]]
     assert ((kind == 'partition').any(axis=1) & (kind == 'brick').any(axis=1)).sum() > 20
+
+
+WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))
+
+
+@pytest.mark.parametrize('path', WALLS, ids=lambda path: path.stem)
+def test_shipped_building_stands_within_its_strength(path):
+    """Carry all parts to the ground, load every bond below its limit; only dry joints open."""
+    # Every pose stays to the last bit: the small ones for 20 s, the large ones for 2.
+    plan = WallGrammar.load(path).build(seed=0)
+    simulation = standing(plan)
+    simulation.set_wind_enabled(False)
+    solver, graph = simulation.state.solver, simulation.state.solver.graph
+    dry = (plan.mortar.tension == 0.0) & (plan.mortar.cohesion == 0.0)
+    assert dry[graph.rows[graph.cracked]].all() and graph.alive.all()
+    assert masonry.is_stable(simulation.state)
+    assert solver.supported.all()
+    assert 0.0 < solver.utilisation()[0].max() < 1.0
+    spent = solver.spent
+    simulation.step(1200 if len(plan) < 1000 else 120)
+    assert solver.spent == spent  # standing costs nothing
+    assert np.array_equal(simulation.poses, plan.poses)
+    assert not simulation.velocities.any() and simulation.bonds_broken == 0
+    feet = graph.grounded()
+    pull = np.einsum('kij,kj->ki', graph.axes[feet], solver.wrenches()[feet, :3])
+    sign = np.where(graph.first[feet] == graph.count, -1.0, 1.0)
+    held = (sign[:, None] * pull).sum(axis=0)
+    accuracy = 4e-3 if dry.any() else 2e-3  # joints that open are iterated on
+    assert held[2] == pytest.approx(plan.mass.sum() * 9.81, rel=accuracy)
+
+
+def test_wall_arches_over_a_hole():
+    """Take bricks out of the middle of a wall: at most a few more fall, the rest stands."""
+    blueprint = wall(12, 16)
+    simulation = standing(blueprint)
+    x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
+    hole = np.flatnonzero((np.abs(x - 1.35) < 0.4) & (z > 0.25) & (z < 0.6))
+    take_out(simulation, hole)
+    simulation.step(240)
+    assert simulation.state.standing.sum() >= len(blueprint) - len(hole) - 6
+
+
+def test_wall_falls_when_its_foot_is_gone():
+    """Take the lowest courses out: everything above falls, and comes to rest."""
+    blueprint = wall(12, 16)
+    simulation = standing(blueprint)
+    foot = np.flatnonzero(blueprint.poses[:, 2] < 0.15)
+    take_out(simulation, foot)
+    simulation.step(600)
+    assert not simulation.state.standing.any()
+    assert simulation.awake_bodies == 0
+    rest = np.setdiff1d(np.arange(len(blueprint)), foot)
+    assert simulation.poses[rest, 2].min() > 0.0
+
+
+def test_wall_without_a_flank_leans_no_further_than_it_can():
+    """Take a third of the foot of a weak wall out: what overhangs too far comes down."""
+    blueprint = wall(12, 16, tension=1e3, cohesion=1e3)
+    simulation = standing(blueprint)
+    part = np.flatnonzero((blueprint.poses[:, 2] < 0.15) & (blueprint.poses[:, 0] > 1.7))
+    take_out(simulation, part)
+    simulation.step(180)  # the last of it has come off before
+    left = simulation.state.standing
+    assert 0 < left.sum() < len(blueprint) - len(part) - 10
+    assert blueprint.poses[left, 0].max() < 2.6
+
+
+def test_all_broken_bonds_are_told_and_reset_makes_whole():
+    """Compare events with dead bonds after a collapse; a reset gives the same collapse again."""
+    blueprint = wall(8, 12)
+    simulation = standing(blueprint)
+    outcome = []
+    for _ in range(2):
+        take_out(simulation, np.flatnonzero(blueprint.poses[:, 2] < 0.15))
+        simulation.step(120)
+        events = simulation.events
+        assert len(np.unique(events['bond'])) == len(events) == simulation.bonds_broken
+        outcome.append((simulation.poses.copy(), events.copy()))
+        simulation.reset()
+        assert np.array_equal(simulation.poses, blueprint.poses)
+    np.testing.assert_array_equal(outcome[0][0], outcome[1][0])
+    np.testing.assert_array_equal(outcome[0][1], outcome[1][1])
+
+
+_PLANS = {
+    'box': [(0, 0), (5, 0), (5, 3.5), (0, 3.5)],
+    'L': [(0, 0), (6, 0), (6, 3), (3, 3), (3, 6), (0, 6)],
+    'T': [(0, 0), (7, 0), (7, 3), (5, 3), (5, 6), (2, 6), (2, 3), (0, 3)],
+    'U': [(0, 0), (8, 0), (8, 5), (5.5, 5), (5.5, 2.5), (2.5, 2.5), (2.5, 5), (0, 5)],
+    'line': [(0, 0), (3, 0), (6, 0), (6, 3), (0, 3)],
+}
+_SQUARE = """
+building house
+  footprint: {points}
+  facades: wall
+  storey_height: 2.4
+  {extra}
+layout running {{ unit: 0.44 0.15 0.14 joint: 0.01 material: brick }}
+panel wall: running
+"""
+
+
+def skewed(name, most, rng):
+    """Turn each edge of a plan by at most an angle [degrees], and all of it by any angle."""
+    points = np.array(_PLANS[name], float)
+    edges = np.roll(points, -1, axis=0) - points
+    reach = np.tan(np.radians(most)) * np.hypot(*edges.T)
+    reach = 0.5 * np.minimum(reach, np.roll(reach, 1))
+    points += rng.uniform(-0.7, 0.7, points.shape) * reach[:, None]
+    turn = rng.uniform(0.0, 2.0 * np.pi)
+    return points @ np.array([[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]])
+
+
+def build(points, extra):
+    """Build a house on a plan."""
+    corners = ' '.join(f'({x!r}, {y!r})' for x, y in points.tolist())
+    return WallGrammar.parse(_SQUARE.format(points=corners, extra=extra), 'house.wall').build()
+
+
+def angles(points):
+    """Compute the deviation of edges from right angles to the first one [degrees]."""
+    edges = np.roll(points, -1, axis=0) - points
+    yaw = np.degrees(np.arctan2(*edges.T[::-1]))
+    return (yaw - yaw[0] + 45.0) % 90.0 - 45.0
+
+
+@pytest.mark.parametrize('name', list(_PLANS))
+@pytest.mark.parametrize('seed', range(8))
+def test_edges_turn_about_their_middles(name, seed):
+    """Square plans of all sorts and directions up, by no more than they are off."""
+    given = skewed(name, 1.8, np.random.default_rng(seed))
+    squared = square_up(given, None)
+    assert np.abs(angles(given)).max() > 0.1 and np.abs(angles(squared)).max() < 1e-9
+    middles = [0.5 * (p + np.roll(p, -1, axis=0)) for p in (given, squared)]
+    assert np.hypot(*(squared - given).T).max() < np.tan(np.radians(2.0)) * 8.0
+    assert np.hypot(*(middles[1] - middles[0]).T).max() < 0.15
+    assert square_up(squared, None) is squared
+
+
+@pytest.mark.parametrize(('name', 'most', 'extra'), [
+    ('box', 1e-4, 'floors: timber roof: hip(40)'), ('box', 1.0, 'roof: gable(40)'),
+    ('L', 1.0, 'floors: slab(0.2)'), ('T', 1e-4, 'roof: gable(40)'), ('T', 1.0, 'floors: timber'),
+    ('U', 1.0, 'roof: flat partitions: halves(1.2)'), ('line', 1.0, 'floors: timber')])
+def test_floors_and_roofs_fit_plans_that_are_nearly_square(name, most, extra):
+    """Build houses on plans out of square by a hair and by a degree."""
+    house = build(skewed(name, most, np.random.default_rng(3)), extra)
+    assert count_loose(house) == 0
+    if 'roof: hip' not in extra and 'gable' not in extra:
+        assert deepest_overlap(house) < OVERLAP
+
+
+def test_plans_without_floors_and_roofs_stay_as_they_are():
+    """Keep the corners of plain walls."""
+    points = skewed('box', 1.0, np.random.default_rng(5))
+    low = build(points, '').poses[:, :2]
+    assert np.hypot(*(low[:, None] - points).transpose(2, 0, 1)).min(axis=0).max() < 0.25
+    assert len(build(points, '')) != 0
+
+
+@pytest.mark.parametrize(('off', 'place'), [(0.3, '(5.3, 3.5)'), (-0.4, '(4.6, 3.5)')])
+def test_plans_that_are_no_more_square_are_refused(off, place):
+    """Name the corner."""
+    points = np.array(_PLANS['box'], float)
+    points[2, 0] += off
+    with pytest.raises(GrammarError, match='to within 2 degrees') as caught:
+        build(points, 'floors: timber')
+    assert f'({points[1][0]:g}, 0)' in caught.value.message or place in caught.value.message
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_wings_stay_with_the_walls_that_they_touch(seed):
+    """Build a porch on the skew wall of a house: both are squared up, and bonded."""
+    rng = np.random.default_rng(seed)
+    a, b, c, d = skewed('box', 1.5, rng)
+    way = (b - a) / np.hypot(*(b - a))
+    out = np.array([way[1], -way[0]])
+    porch = [a + 1.5 * way + 1.5 * out, a + 3.2 * way + 1.52 * out, a + 3.2 * way, a + 1.5 * way]
+    wing = f"""roof: flat
+wing porch
+  footprint: {' '.join(f'({x!r}, {y!r})' for x, y in np.array(porch).tolist())}
+  facades: wall
+  storey_height: 2.1
+  roof: flat"""
+    house = build(np.array([a, b, c, d]), wing)
+    assert count_loose(house) == 0 and deepest_overlap(house) < OVERLAP
+    edge = (house.poses[:, :2] - a) @ out
+    first, second = (edge[house.bonds[(house.bonds >= 0).all(axis=1)].T] > 0.06)
+    assert (first != second).sum() > 10
+
+
+_FLOORED = """
+building b
+  footprint: {footprint}
+  facades: {facades}
+  storey_height: {height}
+  {extra}
+rule lit(strip) -> split(x) {{ 0.45: wall | {{ ~1.4: bay(strip) }}* | 0.45: wall }}
+rule bay(strip) -> split(x) {{ ~1: wall | 0.7: column(strip) | ~1: wall }}
+rule column(strip) -> split(y) {{ ~1: wall | 0.6: window | 0.15: lintel | strip: wall }}
+rule open -> split(x) {{ 0.45: wall | ~1: gap | 0.45: wall }}
+rule low -> split(y) {{ 1: wall }}
+layout running {{ unit: 0.44 0.15 0.14 joint: 0.01 material: brick }}
+panel wall: running
+panel gap: none
+panel window: glazing(timber, glass)
+panel lintel: beam(concrete)
+"""
+_PACED = 0.451  # [m] between joists, and rounding
+
+
+def floored(footprint, facades, extra, height=2.4):
+    """Build a house, and give it with the names of the kinds of its parts."""
+    house = WallGrammar.parse(_FLOORED.format(footprint=footprint, facades=facades, height=height,
+                                              extra=extra)).build()
+    return house, np.array(house.kinds)[house.kind]
+
+
+def joist_lines(house, kind):
+    """Find the axis along which joists run, and their middle lines across [m]."""
+    across = np.ptp(house.poses[kind == 'joist', :2], axis=0)
+    lines = [np.unique(house.poses[kind == 'joist', axis].round(4)) for axis in (0, 1)]
+    spaced = [len(found) > 1 and np.diff(found).max() < _PACED for found in lines]
+    axis = 1 - int(np.argmax(spaced)) if any(spaced) else int(np.argmax(across))
+    return axis, lines[1 - axis]
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_no_joist_is_lost(seed):
+    """Draw openings below floors and flat roofs: all joists are there, or it says what is met."""
+    rng = np.random.default_rng(seed)
+    size = rng.uniform(1.6, 5.0, 2).round(2)
+    lit = f'lit({rng.uniform(0, 0.6):.2f})'
+    facades = ' '.join(rng.choice(['wall', 'wall', 'open', 'low', lit], 4))
+    footprint = '(0, 0) ({0}, 0) ({0}, {1}) (0, {1})'.format(*size)
+    try:
+        house, kind = floored(footprint, facades, rng.choice(['floors: timber', 'roof: flat']))
+    except GrammarError as error:
+        assert 'need wall to lie in' in error.message and ' at (' in error.message
+        return
+    axis, lines = joist_lines(house, kind)
+    assert np.diff(lines).max() < _PACED and count_loose(house) == 0
+    assert lines[0] < 0.3 and lines[-1] > size[1 - axis] - 0.3
+    for line in lines:
+        rows = np.flatnonzero((kind == 'joist') & (abs(house.poses[:, 1 - axis] - line) < 1e-3))
+        held = house.bonds[np.isin(house.bonds, rows).any(axis=1)]
+        ends = house.poses[held[(kind[held] == 'brick').any(axis=1)].max(axis=1), axis]
+        assert np.ptp(ends) > 0.5 * size[axis]
+
+
+def test_a_shelter_has_its_roof():
+    """Turn the joists where one of the longer sides is open."""
+    house, kind = floored('(0, 0) (3, 0) (3, 1.5) (0, 1.5)', 'open wall', 'roof: flat')
+    axis, lines = joist_lines(house, kind)
+    assert axis == 0 and len(lines) == 4
+
+
+@pytest.mark.parametrize(('facades', 'extra', 'line', 'words'), [
+    ('open', 'roof: flat', 6, 'along the shorter side of the building one meets the panel "gap"'),
+    ('low', 'floors: timber', 6, 'a place without wall at (0.29, 0.00, 2.33) m'),
+    ('lit(0)', 'floors: timber', 6, 'along the longer side the panel "window" at ('),
+    ('lit(0.1)', 'floors: timber', 6, 'the joists below 2.4 m need wall to lie in'),
+])
+def test_walls_that_joists_cannot_lie_in_are_named(facades, extra, line, words):
+    """Say which panel is met, whichever way the joists run."""
+    with pytest.raises(GrammarError) as caught:
+        floored('(0, 0) (4, 0) (4, 3) (0, 3)', facades, extra)
+    assert words in caught.value.message and caught.value.line == line
+
+
+@pytest.mark.parametrize('height', [2.25, 2.4, 2.55, 2.7])
+def test_joists_pass_over_the_doors_of_partitions(height):
+    """Lay all joists in storeys that have little or no room above doors."""
+    house, kind = floored('(0, 0) (6, 0) (6, 3.5) (0, 3.5)', 'wall',
+                          'partitions: halves(2) floors: timber', height)
+    axis, lines = joist_lines(house, kind)
+    assert axis == 1 and len(lines) > 12 and np.diff(lines).max() < _PACED + 0.15
+    assert count_loose(house) == 0 and deepest_overlap(house) < OVERLAP
+    assert ('lintel' in kind) == (height > 2.4)
+
+
+@pytest.mark.parametrize('jog', [0.45, 0.55, 0.7, 1.1])
+def test_narrow_parts_of_a_plan_have_a_joist(jog):
+    """Carry the boards over a step of the plan by a joist, however narrow it is."""
+    house, kind = floored(f'(0, 0) (4, 0) (4, 2.5) ({4 - jog}, 2.5) ({4 - jog}, 3) (0, 3)', 'wall',
+                          'floors: timber')
+    lines = np.unique(house.poses[kind == 'joist', 0].round(4))
+    assert (lines > 4 - jog).any() and count_loose(house) == 0

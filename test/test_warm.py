@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """All kernels compiled beforehand: small scenes call each of them."""
 
 from collections.abc import Iterator

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Test piers, wings, spires and pyramids: their volume, their bond, and what is refused."""
 
 from building_checks import are_convex, count_loose, deepest_overlap, OVERLAP

@@ -12,15 +12,22 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""The world of loose bodies against closed forms and numpy."""
+"""The world of loose bodies: closed forms, extents, what touches what, and how hard."""
+
+from importlib import import_module
+from types import ModuleType
 
 from loose_bricks import at, BRICK, BRICK_MASS, DT, G
 from lowest_points import lowest
 import numpy as np
 import pytest
 
-from procphys_ros.blueprint import box_inertia, Shape
+from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
+from procphys_ros.files.resources import shared_folder
 from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners
+from procphys_ros.lsystem import LSystem
+from procphys_ros.physics.masonry.contact_forces import BodyContacts, spread
 from procphys_ros.physics.world import (
     BodyState,
     expand,
@@ -30,6 +37,9 @@ from procphys_ros.physics.world import (
     solid_inertia,
     World,
 )
+from procphys_ros.physics.world.extents import are_near
+from procphys_ros.scene import Scene, Settings
+from procphys_ros.simulation import contact_exclusions, Simulation
 
 engines = pytest.mark.parametrize('engine', installed_engines())
 
@@ -287,3 +297,266 @@ def test_memory_does_not_grow_with_worlds(engine):
         if i == 19:
             before = resident()
     assert resident() - before < 1_000_000
+
+
+_CUBE = np.ones(3)
+
+
+def _at(x, y, z, yaw=0.0):
+    return np.array([x, y, z, *rotation.from_yaw(yaw)])
+
+
+def _add(world, shape, size, pose):
+    return world.add_body(shape, np.asarray(size, float), 1.0, pose,
+                          inertia=solid_inertia(shape, np.asarray(size, float), 1.0))
+
+
+def test_bounds_are_those_of_the_turned_shapes():
+    """Turn a cube by an eighth, and lay a rod of half round ends down."""
+    with World() as world:
+        cube = _add(world, Shape.BOX, _CUBE, _at(3.0, 0.0, 5.0, 0.25 * np.pi))
+        turn = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(0.5 * np.pi))
+        rod = _add(world, Shape.CAPSULE, [0.2, 0.2, 2.0], np.array([0.0, 0.0, 4.0, *turn]))
+        half = 0.5 * np.sqrt(2.0)
+        np.testing.assert_allclose(world.bounds([cube, rod]), [
+            [3.0 - half, -half, 4.5, 3.0 + half, half, 5.5],
+            [-1.0, -0.1, 3.9, 1.0, 0.1, 4.1]], atol=1e-12)
+
+
+@pytest.mark.parametrize('yaw, gap', [(0.0, 0.5), (0.25 * np.pi, 1.0 - 0.5 * np.sqrt(2.0))])
+def test_bodies_are_near_up_to_the_gap_between_them(yaw, gap):
+    """Put a cube beside one whose face, or whose edge, looks at it."""
+    with World() as world:
+        pair = np.array([[_add(world, Shape.BOX, _CUBE, _at(0.0, 0.0, 5.0)),
+                          _add(world, Shape.BOX, _CUBE, _at(1.5, 0.0, 5.0, yaw))]])
+        for share, near in ((0.99, False), (1.01, True)):
+            assert are_near(world.bodies, pair, np.array([share * gap])) == [near]
+
+
+def test_any_two_pieces_make_bodies_near():
+    """Look for a ball beside the far end of a row of cubes, and above the hole in it."""
+    with World() as world:
+        poses = np.array([_at(x, 0.0, 5.0) for x in (0.0, 1.0, 4.0)])
+        total = rigid_sum(np.ones(3), box_inertia(np.ones(3), np.ones((3, 3))), poses)
+        row = world.add_fragment(np.full(3, Shape.BOX), np.ones((3, 3)), total.local_poses,
+                                 total.mass, total.inertia, total.pose)
+        end = _add(world, Shape.CAPSULE, [0.2, 0.2, 0.2], _at(4.7, 0.0, 5.0))
+        hole = _add(world, Shape.CAPSULE, [0.2, 0.2, 0.2], _at(2.5, 0.0, 5.0))
+        near = are_near(world.bodies, np.array([[row, end], [row, hole]]), np.full(2, 0.2))
+        assert near.tolist() == [True, False]
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+@pytest.mark.parametrize('pieces', [2, 16, 17])
+def test_compounds_of_any_size_land_flat_on_all_their_shapes(engine, pieces):
+    """Let a row of cubes, apart by their width, lie: all its weight is on the ground."""
+    poses = np.array([_at(0.2 * n, 0.0, 0.05) for n in range(pieces)])
+    mass, size = np.full(pieces, 2.0), np.full((pieces, 3), 0.1)
+    total = rigid_sum(mass, box_inertia(mass, size), poses)
+    with World(engine=engine) as world:
+        row = world.add_fragment(np.full(pieces, Shape.BOX), size, total.local_poses, total.mass,
+                                 total.inertia, total.pose)
+        for _ in range(20):
+            world.step(1.0 / 60.0)
+        assert world.poses([row])[0, 2] == pytest.approx(0.05, abs=2e-3)
+        assert world.wrench(row)[2] == pytest.approx(total.mass * 9.81, rel=0.02)
+        touched = world.contacts().point[:, 0]
+        # Bullet has one point under a convex hull, as which it takes the last of 17.
+        assert touched.max() - touched.min() == pytest.approx(0.2 * pieces - 0.1, abs=0.06)
+
+
+@pytest.fixture(scope='module')
+def bench() -> ModuleType:
+    """Import the comparison, and with it what measures overlaps."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(str(shared_folder() / 'bench'))
+        return import_module('contact_engines')
+
+
+def least_shadow(one, two, rng):
+    """Find the least overlap of the shadows of two solids along many directions."""
+    best, depth = None, np.inf
+    for size in (np.inf, 0.05, 0.01, 0.002, 0.0004):
+        ways = rng.normal(size=(20_000, 3))
+        ways = ways if best is None else best + size * ways
+        ways /= np.linalg.norm(ways, axis=1)[:, None]
+        first, second = one @ ways.T, two @ ways.T
+        found = np.minimum(first.max(axis=0) - second.min(axis=0),
+                           second.max(axis=0) - first.min(axis=0))
+        if found.min() < depth:
+            best, depth = ways[np.argmin(found)], found.min()
+    return max(depth, 0.0)
+
+
+def test_overlaps_are_the_least_over_all_directions(bench):
+    """Place boxes and wedges at random, one of them standing: no direction parts them sooner."""
+    rng, deep = np.random.default_rng(2), 0
+    for n in range(40):
+        sizes, turns = rng.uniform(0.1, 0.5, (2, 3)), rng.normal(size=(2, 4))
+        turns /= np.linalg.norm(turns, axis=1)[:, None]
+        poses = np.column_stack([[0.0, 0.0, 5.0] + rng.normal(scale=0.12, size=(2, 3)), turns])
+        corners = box_corners(-0.5 * sizes, 0.5 * sizes)
+        corners[:, 4:, :2] *= rng.uniform(0.3, 1.0) if n % 2 else 1.0
+        cut = Hexahedra(np.arange(2), corners.reshape(2, 24)) if n % 2 else None
+        wanted = least_shadow(*(poses[:, None, :3] + rotation.rotate(
+            poses[:, None, 3:], corners)), rng)
+        with World(engine='native') as world:
+            ids = world.add_bricks(poses, sizes, np.ones(2), hexahedra=cut)
+            world.thaw(ids[:1])
+            assert bench.deepest_overlap(world) == pytest.approx(wanted, abs=1e-3)
+        deep += wanted > 0.01
+    assert deep > 15
+
+
+def test_overlaps_with_the_ground_and_among_what_stands(bench):
+    """Sink a loose box by 3 mm; two that stand in each other count for nothing."""
+    with World(engine='native') as world:
+        assert bench.deepest_overlap(world) == 0.0
+        world.add_bricks(np.array([[5.0, 0, 1, 0, 0, 0, 1], [5.1, 0, 1, 0, 0, 0, 1]]),
+                         np.full((2, 3), 0.2), np.ones(2))
+        world.add_body(Shape.BOX, np.full(3, 0.2), 8.0, np.array([0, 0, 0.097, 0, 0, 0, 1.0]))
+        assert bench.deepest_overlap(world) == pytest.approx(0.003, abs=1e-9)
+        assert bench.deepest_overlap(world, awake=False) == 0.0  # it has not come to rest
+
+
+@pytest.mark.parametrize('name', ['slope', 'slide_90_km', 'bounce', 'cards'])
+def test_rows_run_and_keep_their_bounds(bench, name):
+    """Run the quickest experiments twice in turns: within bounds, and the same both times."""
+    trials = [bench.Trial('native') for _ in range(2)]
+    one, two = bench.compare(bench.ROWS[name], trials)
+    bounded = [figure for figure in one if figure.bound]
+    assert bounded
+    for figure in bounded:
+        assert figure.low <= figure.value <= figure.high, figure
+    assert [f.value for f in bounded] == [f.value for f in two if f.bound]
+
+
+def test_nudged_runs_differ_and_can_be_repeated(bench):
+    """Draw what is added to gravity: nothing in the first run, and always the same in others."""
+    first, second, again = (bench.Trial('native', run=run).nudge() for run in (0, 1, 1))
+    assert not first.any() and second.any() and (second == again).all()
+
+
+def test_patterns_choose_rows(bench):
+    """Choose by name, by pattern, and nothing that takes minutes without either."""
+    assert bench.chosen(['rubble_barn*']) == ['rubble_barn_demolished', 'rubble_barn_blasted']
+    assert bench.chosen(['nothing']) == []
+    assert not any(name.startswith('rubble') for name in bench.chosen([]))
+
+
+# Two branches, one inside of the other and both inside of the trunk, that their weight breaks off.
+_FORK = 'axiom: Density(600) !(0.1) F(2) BreakForce(1) [ &(100) F(1) ] [ &(105) F(1) ]'
+_BLOCK = np.full(3, 0.4)
+
+
+def broken(engine: str) -> Simulation:
+    """Detach the branches."""
+    scene = Scene(Settings(engine=engine))
+    scene.add(LSystem.parse(_FORK).build(), name='fork')
+    simulation = Simulation(scene)
+    simulation.step(3)
+    assert simulation.bonds_broken >= 2
+    return simulation
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+def test_pieces_that_overlap_fall_side_by_side(engine):
+    """Let overlapping branches fall: nothing turns them, or throws them to the side."""
+    simulation = broken(engine)
+    assert {(0, 1), (0, 2), (1, 2)} == {tuple(sorted(pair)) for pair in simulation.state.excluded}
+    before = simulation.poses.copy()
+    simulation.step(20)
+    moved = simulation.poses[1:] - before[1:]
+    assert (moved[:, 2] < -0.5).all()
+    assert np.abs(moved[:, [0, 1, 3, 4, 5]]).max() < 1e-3
+
+
+def test_pieces_meet_once_they_are_apart():
+    """Push one branch out of the other: no pair is left over, and the trunk stops it again."""
+    simulation = broken('bullet')
+    mass = float(simulation.blueprint.mass[1])
+    simulation.apply_impulse(1, (0.0, 5.0 * mass, 0.0))
+    simulation.step(20)
+    assert not {(0, 1), (1, 2)} & {tuple(sorted(pair)) for pair in simulation.state.excluded}
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+def test_exclusions_survive_snapshots(engine):
+    """Go on from a snapshot to the bit while branches pass through each other."""
+    simulation = broken(engine)
+    data = simulation.save()
+    other = Simulation(simulation.scene)
+    other.restore(data)
+    for run in (simulation, other):
+        run.step(15)
+    assert len(simulation.state.excluded)
+    np.testing.assert_array_equal(simulation.poses, other.poses)
+    np.testing.assert_array_equal(simulation.velocities, other.velocities)
+
+
+def test_a_flexible_branch_leaves_the_crown_it_grew_in():
+    """Cut a branch loose inside of its tree: it falls by its weight, and nothing kicks it."""
+    scene = Scene()
+    scene.add(LSystem.parse('axiom: Density(600) !(0.06) F(3) [ &(110) '
+                            + '[ &(70) F(0.5) ] F(0.3) ' * 6 + '] [ &(115) F(2) ]').build())
+    simulation = Simulation(scene)
+    simulation.step()
+    forest = simulation.state.forest
+    branch = max(range(1, len(forest)), key=lambda row: len(forest.subtree(row)))
+    contact_exclusions.add_branch(simulation.state, branch, simulation.model.trees.sizes)
+    rows = forest.subtree(branch)
+    forest.release(branch)
+    assert len(rows) == 11 and len(simulation.state.excluded)
+    simulation.step(2)
+    mass = simulation.blueprint.mass[forest.parts[rows]]
+    mean = (mass[:, None] * forest.velocities[rows, :3]).sum(axis=0) / mass.sum()
+    np.testing.assert_allclose(mean, [0.0, 0.0, -2.0 * 9.81 / 60.0], atol=0.01)
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+def test_worlds_keep_excluded_bodies_from_meeting(engine):
+    """Let cubes overlap: they stay while excluded, also when restored, and part afterwards."""
+    with World((0.0, 0.0, 0.0), engine=engine) as world:
+        cubes = [world.add_body(Shape.BOX, _BLOCK, 1.0, np.array([x, 0, 5, 0, 0, 0, 1.0]))
+                 for x in (0.0, 0.3)]
+        world.exclude_contacts(np.array([cubes]))
+        world.step(1.0 / 60.0)
+        with World.restore(world.save_state(), engine=engine) as restored:
+            for each in (world, restored):
+                for _ in range(3):
+                    each.step(1.0 / 60.0)
+                np.testing.assert_allclose(each.poses(cubes)[:, 0], [0.0, 0.3], atol=1e-6)
+        world.exclude_contacts(np.zeros((0, 2), int))
+        for _ in range(3):
+            world.step(1.0 / 60.0)
+        assert np.ptp(world.poses(cubes)[:, 0]) > 0.31
+
+
+@pytest.mark.parametrize('engine', installed_engines())
+def test_exclusions_end_with_their_bodies(engine):
+    """Remove an excluded body: another one that takes its id meets what is there."""
+    with World((0.0, 0.0, 0.0), engine=engine) as world:
+        pose = np.array([0.3, 0, 5, 0, 0, 0, 1.0])
+        cubes = [world.add_body(Shape.BOX, _BLOCK, 1.0, np.array([x, 0, 5, 0, 0, 0, 1.0]))
+                 for x in (0.0, 0.3)]
+        world.exclude_contacts(np.array([cubes]))
+        world.remove(cubes[1])
+        assert world.add_body(Shape.BOX, _BLOCK, 1.0, pose) == cubes[1]
+        for _ in range(3):
+            world.step(1.0 / 60.0)
+        assert np.ptp(world.poses(cubes)[:, 0]) > 0.31
+
+
+def test_a_contact_without_a_normal_presses_nothing():
+    """Put the weight on two bricks as if a contact that has no normal were not there."""
+    poses = np.array([[0.0, 0, 0, 0, 0, 0, 1], [0.3, 0, 0, 0, 0, 0, 1]])
+    sizes = np.full((2, 3), 0.2)
+    points = np.array([[0.15, 0.0, -0.1], [0.2, 0.0, 0.0]])
+    normals, forces = np.array([[0.0, 0, 1], [0, 0, 0]]), np.array([[0.0, 0, 50.0], [0, 0, 0]])
+    wanted = spread(BodyContacts(points[:1], normals[:1], forces[:1], np.zeros(1, np.int64)),
+                    poses, sizes, poses)
+    assert wanted[:, 2].sum() > 49.0
+    for order in ([0, 1], [1, 0]):
+        found = spread(BodyContacts(points[order], normals[order], forces[order],
+                                    np.zeros(2, np.int64)), poses, sizes, poses)
+        np.testing.assert_allclose(found, wanted, rtol=1e-12, atol=1e-12)

@@ -12,7 +12,6 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """A small scene for tests of the page: a tree, and a wall some metres to the east of it."""
 
 from functools import cache
