@@ -99,7 +99,7 @@ class Preprocessor:
     def _directives(self, text: str) -> Iterator[str]:
         """Take out comments, and carry out directives."""
         lines = _COMMENT.sub(self._blank, text).splitlines()
-        powers = set(re.findall(r'(\w+)\s*\^', text))
+        powers = set(re.findall(r'\b(\w++)\s*+\^', text))
         number = 0
         while number < len(lines):
             begun, line = number + 1, lines[number]
