@@ -15,12 +15,12 @@
 
 """Schema: settings declared once, where they are used; checks, parameters and tables follow."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 import numbers
 from typing import Any
 
-from procphys_ros.errors import ProcPhysError, SceneError
+from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 
 LARGEST = 1e9  # [any unit] larger values are mistakes
 _KEY = 'parameter'
@@ -175,3 +175,38 @@ def check(settings: Any, group: str = '', error: type[ProcPhysError] = SceneErro
         except SceneError as problem:
             raise error(str(problem)) from None
         object.__setattr__(settings, name, tuple(value) if isinstance(value, list) else value)
+
+
+def read_words(words: Sequence[str], kind: Any) -> dict[str, Any]:
+    """
+    Read name=value words in the types of the fields of a dataclass that they set.
+
+    :raises SceneError: naming the word.
+    """
+    known = {f.name: f.default for f in fields(kind)}
+    values: dict[str, Any] = {}
+    for word in words:
+        name, equals, value = word.partition('=')
+        if not equals or name not in known:
+            raise SceneError(f'"{clip(word)}" sets nothing{nearest_names(name[:99], known)} '
+                             f'(known: {", ".join(f"{k}=" for k in known)})')
+        if name in values:
+            raise SceneError(f'"{clip(word)}": "{name}" stands there twice')
+        values[name] = value if isinstance(known[name], str) else _numbers(word, value)
+        if type(known[name]) is int and isinstance(values[name], float):
+            values[name] = int(values[name]) if values[name].is_integer() else values[name]
+    return values
+
+
+def _numbers(word: str, value: str) -> float | list[float]:
+    try:
+        found = [float(v) for v in value.split(',')]
+    except ValueError:
+        raise SceneError(f'"{clip(word)}": numbers are expected, several with commas between '
+                         'them and no spaces') from None
+    return found[0] if len(found) == 1 else found
+
+
+def clip(text: str) -> str:
+    """Shorten a text for a message when it is long."""
+    return text if len(text) <= 80 else f'{text[:77]}...'

@@ -44,7 +44,7 @@ from procphys_ros.scene.yaml_file import BoundedLoader, read_yaml
 from procphys_ros.schema import Parameter
 
 _GRAMMAR = re.compile(r'[^\s",\[\]{}]+\.(?:lsys|wall|l|h|lpy|csv|mtg|ply)\b')  # name of a file
-_DATA_FILES = ('terrain.file', 'wind.file', 'ground.motion')
+_DATA_FILES = ('terrain.file', 'wind.file', 'wind.map', 'ground.motion')
 _MOST = 1_000_000  # runs
 _LONGEST = 1e6  # [s] of a run, also the latest time of a cue
 # Parameters without effect on a run: of topics, messages, services and pictures.

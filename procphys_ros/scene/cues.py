@@ -16,7 +16,7 @@
 """Cues: timed events of a scene."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 import math
 from typing import Any
 
@@ -26,7 +26,7 @@ from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import check, clip, declared, read_words
 
 _LATEST = 1e6  # [s]
 _FORM = '"<seconds> <verb> name=value …", such as "2.5 launch mass=300 velocity=0,20,0"'
@@ -87,7 +87,7 @@ def read_cues(parameters: Mapping[str, Any]) -> tuple[Cue, ...]:
     texts = scene.get('cues', []) if isinstance(scene, Mapping) else []
     if isinstance(texts, str) or not isinstance(texts, Sequence) \
             or not all(isinstance(text, str) for text in texts):
-        raise SceneError(f'scene.cues is {_short(repr(texts))}, it must be a list of texts, each '
+        raise SceneError(f'scene.cues is {clip(repr(texts))}, it must be a list of texts, each '
                          f'{_FORM}')
     cues = [_read(text, number, parameters) for number, text in enumerate(texts) if text.strip()]
     return tuple(sorted(cues, key=lambda cue: cue.time))
@@ -98,14 +98,14 @@ def _read(text: str, number: int, parameters: Mapping[str, Any]) -> Cue:
         time, verb, *words = text.split() if len(text.split()) > 1 else (text, '')
         if verb not in _VERBS:
             near = nearest_names(verb[:99], _VERBS)
-            raise SceneError(f'there is no verb "{_short(verb)}"{near} ({", ".join(_VERBS)}); the '
+            raise SceneError(f'there is no verb "{clip(verb)}"{near} ({", ".join(_VERBS)}); the '
                              f'form is {_FORM}')
         group, kind = _VERBS[verb]
         base = parameters.get(group, {})
         base = dict(base) if isinstance(base, Mapping) else {}
-        return Cue(_seconds(time), text, kind(**{**base, **_values(words, kind)}))
+        return Cue(_seconds(time), text, kind(**{**base, **read_words(words, kind)}))
     except ProcPhysError as error:
-        raise SceneError(f'scene.cues[{number}] "{_short(text)}": {error}') from error
+        raise SceneError(f'scene.cues[{number}] "{clip(text)}": {error}') from error
 
 
 def _seconds(word: str) -> float:
@@ -114,36 +114,6 @@ def _seconds(word: str) -> float:
     except ValueError:
         value = math.nan
     if not 0.0 <= value <= _LATEST:
-        raise SceneError(f'"{_short(word)}" is not a time from 0 to {_LATEST:g} s; the form is '
+        raise SceneError(f'"{clip(word)}" is not a time from 0 to {_LATEST:g} s; the form is '
                          f'{_FORM}')
     return value
-
-
-def _values(words: Sequence[str], kind: Any) -> dict[str, Any]:
-    """Read name=value words in the types of the fields that they set."""
-    known = {f.name: f.default for f in fields(kind)}
-    values: dict[str, Any] = {}
-    for word in words:
-        name, equals, value = word.partition('=')
-        if not equals or name not in known:
-            raise SceneError(f'"{_short(word)}" sets nothing{nearest_names(name[:99], known)} '
-                             f'(known: {", ".join(f"{k}=" for k in known)})')
-        if name in values:
-            raise SceneError(f'"{_short(word)}": "{name}" stands there twice')
-        values[name] = value if isinstance(known[name], str) else _numbers(word, value)
-        if type(known[name]) is int and isinstance(values[name], float):
-            values[name] = int(values[name]) if values[name].is_integer() else values[name]
-    return values
-
-
-def _numbers(word: str, value: str) -> float | list[float]:
-    try:
-        numbers = [float(v) for v in value.split(',')]
-    except ValueError:
-        raise SceneError(f'"{_short(word)}": numbers are expected, several with commas between '
-                         'them and no spaces') from None
-    return numbers[0] if len(numbers) == 1 else numbers
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 80 else f'{text[:77]}...'

@@ -50,6 +50,7 @@ from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_gram
 from procphys_ros.scene.streets import lay_out
 from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.unused import check_given
+from procphys_ros.scene.wind_map import read_wind_map
 from procphys_ros.scene.wind_record import read_wind_record
 from procphys_ros.scene.yaml_file import read_yaml
 from procphys_ros.schema import Parameter, short
@@ -180,6 +181,7 @@ class Scene:
             _LOG.warning('scene.objects is empty: nothing stands in the scene')
         settings = read_settings(parameters)
         scene = cls(replace(settings, wind_record=read_wind_record(settings.wind.file, beside),
+                            wind_map=read_wind_map(settings.wind.map, beside),
                             ground_record=read_ground_record(settings.motion.motion, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))
         scene.shard = read_shard(parameters)

@@ -23,6 +23,7 @@ from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.ground_motion import GroundRecord
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Gust, Record, WindSettings
+from procphys_ros.physics.wind.zones import MapRows
 from procphys_ros.physics.world import DEFAULT_ENGINE, ENGINES, Pieces
 from procphys_ros.physics.world.pieces import single
 from procphys_ros.scene.cues import Cue, read_cues
@@ -53,6 +54,7 @@ class Settings:
     :ivar debris_bodies: moving bodies aimed at, by which pieces break more coarsely.
     :ivar wind: mean wind and turbulence.
     :ivar wind_record: content of `wind.file`; () = there is none.
+    :ivar wind_map: content of `wind.map`; () = there is none.
     :ivar gust: default values of gusts.
     :ivar cues: timed events.
     :ivar trees: whether their crowns touch.
@@ -83,6 +85,7 @@ class Settings:
                                   'is what breaks', '', 1, 100_000)
     wind: WindSettings = field(default_factory=WindSettings)
     wind_record: Record = ()
+    wind_map: MapRows = ()
     gust: Gust = field(default_factory=Gust)
     cues: tuple[Cue, ...] = ()
     trees: TreeSettings = field(default_factory=TreeSettings)

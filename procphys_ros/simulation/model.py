@@ -246,7 +246,7 @@ def compile_model(settings: Settings, shard: Shard, blueprint: Blueprint,
     loose_bonds = FreeBodies(blueprint, every)
     mortar = blueprint.bond_law == Law.MORTAR
     wind = copy(wind) if wind else Wind(
-        settings.wind, seed, settings.wind_record, settings.terrain)
+        settings.wind, seed, settings.wind_record, settings.terrain, settings.wind_map)
     wind.shelter = find_shelter(blueprint, objects, masonry.members, settings.terrain)
     pairs = blueprint.bonds[~mortar]
     return Model(settings, time_step, seed, shard, blueprint, tuple(objects),

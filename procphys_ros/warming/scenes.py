@@ -86,7 +86,8 @@ _HILL: dict[str, Any] = {
 
 # A flap in the wind on a frame whose parts overlap.
 _FLAP: dict[str, Any] = {
-    'scene': {'objects': ['flap']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'scene': {'objects': ['flap']}, 'wind': {
+        'velocity': [0.0, 8.0, 0.0], 'zones': ['size=4,4,4 speed=1.1']},
     'flap': {'grammar_text': """
 mechanism flap {
     box post { size: 0.1, 0.1, 2  at: 0, 0, 1  weld {} }

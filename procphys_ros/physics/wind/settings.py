@@ -21,6 +21,7 @@ import math
 
 from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.wind.zones import zone_rows
 from procphys_ros.schema import check, declared
 
 PROFILES = ('log', 'power', 'uniform')
@@ -30,7 +31,7 @@ FASTEST = 150.0  # [m/s] above every wind measured on the ground (113 m/s, Barro
 _SHORTEST_RISE = 0.01  # [s]
 
 
-Record = tuple[tuple[float, float, float], ...]  # rows of time, speed, direction; `velocity_of`
+Record = tuple[tuple[float, ...], ...]  # rows of time and what `velocity_of` takes
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,8 @@ class WindSettings:
     :ivar reference_height: height of `velocity` [m]; it also determines the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
     :ivar shelter: whether trees and buildings reduce the wind in their lee.
+    :ivar zones: boxes in which the wind differs, each as `zones.Zone` in words.
+    :ivar map: table of how the wind differs by place; '' = none.
     :ivar file: record of the mean wind to follow in place of `velocity`; '' = none.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
@@ -66,14 +69,25 @@ class WindSettings:
     shelter: bool = declared(
         False, 'whether stands of trees and buildings, as they were built, shelter what is in '
         'their lee')
+    zones: Sequence[str] = declared(
+        (), 'boxes in which the wind differs, each "name=value …" with position=x,y,z of the '
+        'middle [m, z from the ground], size=x,y,z [m], yaw [rad], fade beyond the faces [1 m], '
+        'the factors speed and turbulence [0 … 5], turn to the left [rad]; where they overlap, '
+        'the last one counts')
+    map: str = declared(
+        '', 'CSV file of a grid of places x, y, z [m, from the ground] with the factors speed, '
+        'turn, turbulence of wind.zones, interpolated; its first line names its columns',
+        takes_effect='reload')
     file: str = declared(
         '', 'CSV file of time [s], speed [m/s] and direction [degrees it blows from, clockwise '
-        'from north (+y)] that the mean wind follows instead of wind.velocity',
+        'from north (+y)], and perhaps upward speed [m/s], that the mean wind follows instead of '
+        'wind.velocity',
         takes_effect='reload')
 
     def __post_init__(self):
         check(self, 'wind')
         _check_speed(self.velocity)
+        zone_rows(self.zones)
         if self.profile == 'log' and self.roughness_length >= self.reference_height:
             raise SceneError(
                 f'wind.roughness_length is {self.roughness_length:g} m, it must lie below '
@@ -146,15 +160,16 @@ class Gust:
             _store(self, 'direction', tuple(c / length for c in self.direction))
 
 
-def velocity_of(speed: float, direction: float) -> tuple[float, float, float]:
+def velocity_of(speed: float, direction: float, up: float = 0.0) -> tuple[float, float, float]:
     """
     Convert a wind as reported by weather stations to a velocity [m/s], (3,), world (x is east).
 
-    :param speed: [m/s].
+    :param speed: level [m/s].
     :param direction: that the wind comes from, clockwise from north [degrees].
+    :param up: upward [m/s].
     """
     bearing = math.radians(direction)
-    return -speed * sin(bearing), -speed * cos(bearing), 0.0
+    return -speed * sin(bearing), -speed * cos(bearing), up
 
 
 def _check_speed(velocity: Sequence[float]) -> None:

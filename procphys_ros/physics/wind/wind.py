@@ -37,6 +37,7 @@ from procphys_ros.physics.wind.settings import (
     WindSettings,
 )
 from procphys_ros.physics.wind.shelter import Shelter
+from procphys_ros.physics.wind.zones import find_factors, map_nodes, MapRows, turn_wind, zone_rows
 
 _SLANT = np.array([1.0, *DRIFT])  # direction of travel of the eddies: along, across and up
 _GUST_REACH = 5000.0  # [m] downwind of the origin, where a gust is dropped
@@ -84,10 +85,12 @@ class Wind:
     :param seed: of the eddies.
     :param record: of the mean wind, in place of the settings' velocity; () = none.
     :param terrain: the surface of the ground, which the wind follows.
+    :param by_place: rows of a map; () = none.
 
     :ivar settings: the present settings.
     :ivar shelter: trees and buildings that reduce the wind, where the settings enable it.
     :ivar enabled: False = no mean wind, eddies and gusts, which travel on meanwhile.
+    :ivar zones: of the settings, rows of `zones.zone_rows`, (Z, 12).
     :ivar jets: of rotors at present, rows of `downwash.jet`, (J, 8).
     """
 
@@ -97,11 +100,12 @@ class Wind:
     _history: History
 
     def __init__(self, settings: WindSettings, seed: int = 0, record: Record = (),
-                 terrain: Terrain = FLAT):
+                 terrain: Terrain = FLAT, by_place: MapRows = ()):
         self._terrain = terrain
         self._seed = seed
         self._record = record
-        self.settings = settings
+        self._nodes = map_nodes(by_place)
+        self.change(settings)
         self.shelter = Shelter()
         self.reset()
 
@@ -122,6 +126,7 @@ class Wind:
         :param settings: the new ones; `reset` returns to their velocity.
         """
         self.settings = settings
+        self.zones = zone_rows(settings.zones)
 
     def prepare(self) -> None:
         """Generate the eddies now, if turbulence is enabled, instead of on first use."""
@@ -208,7 +213,8 @@ class Wind:
             s = self.settings
             if not self._terrain.is_flat:  # the profile is that over the local ground
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
-            self._fill(points, time, out, intensity, gusts, threads)
+            self._fill(points, time, out, intensity, gusts, threads,
+                       len(self.zones) > 0 or self._nodes.size > 0)
             if s.shelter:
                 self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),
                                    self._profile(), s.roughness_length)
@@ -252,7 +258,7 @@ class Wind:
         return kernel.profile_terms(s.profile, s.reference_height, s.roughness_length, s.exponent)
 
     def _fill(self, points: np.ndarray, time: float, out: np.ndarray, intensity: float,
-              gusts: np.ndarray, threads: int = 1) -> np.ndarray:
+              gusts: np.ndarray, threads: int = 1, by_place: bool = False) -> np.ndarray:
         mean = np.asarray(self._history.velocity(time))
         speed = float(norm(mean))
         way = self._history.travelled(time)
@@ -266,11 +272,17 @@ class Wind:
 
         def fill(_: int, first: int, last: int) -> None:
             some, air = points[first:last], out[first:last]
+            factors = find_factors(some, self._nodes, self.zones) if by_place else np.empty(0)
             kernel.fill_mean(some, air, axes[0], speed, profile)
             if eddies is not None:
-                kernel.add_eddies(some, air, axes, travelled, sigma, eddies.boxes, profile)
+                swirl = np.zeros_like(air) if by_place else air
+                kernel.add_eddies(some, swirl, axes, travelled, sigma, eddies.boxes, profile)
+                if by_place:
+                    air += factors[:, 2:] * swirl
             if len(gusts):
                 kernel.add_gusts(some, air, gusts, float(time), profile)
+            if by_place:
+                turn_wind(air, factors)
         pool.run(fill, pool.even_ranges(len(points), threads))
         return out
 
