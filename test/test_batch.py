@@ -173,7 +173,8 @@ def test_another_grammar_makes_another_sweep(scene, tmp_path):
 
 @pytest.mark.parametrize(('name', 'texts'), [
     ('terrain.file', ['ncols 2\nnrows 2\ncellsize 9\n0 1\n1 {}\n', 'a.asc']),
-    ('wind.file', ['time,speed,direction\n0,5,270\n9,{},270\n', 'a.csv'])])
+    ('wind.file', ['time,speed,direction\n0,5,270\n9,{},270\n', 'a.csv']),
+    ('wind.map', ['x,y,speed\n0,0,{}\n', 'a.csv'])])
 def test_other_data_make_another_sweep(scene, tmp_path, name, texts):
     """Change the file that the ground or the wind comes from, named by the scene or varied."""
     text, file = texts

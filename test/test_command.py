@@ -94,6 +94,7 @@ def with_patience(words):
     ('gust --amplitude 3 --duration 2 --direction 1 0 0', 'gust of 3 m/s for 2 s'),
     ('grow sapling --rate 0.5 --years 1', '3 plants grow on for 1 years, 0.5 a second'),
     ('set gust.duration 4', 'gust.duration  4'),
+    ('set wind.zones ["size=4,4,4"]', 'wind.zones  [size=4,4,4]'),
     ('list', 'sapling_2'),
     ('list sapling_0/1', 'sapling_0/segment_1'),
     ('get wind.vel', '[4, 0, 0]'),

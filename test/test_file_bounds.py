@@ -64,6 +64,7 @@ def namers(path):
         'one.grammar_text': scene(**one, one={'grammar_text': f'include: {path}\n{TREE}'}),
         'terrain.file': scene(terrain={'file': path}),
         'wind.file': scene(wind={'file': path}),
+        'wind.map': scene(wind={'map': path}),
         'intruders.shapes': IntrudersSettings(('a',), (f'mesh {path}',)).pieces,
     }
 

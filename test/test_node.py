@@ -349,6 +349,8 @@ def test_integers_are_accepted_for_doubles(client):
     ('wind.turbulence_intensity', 3.0, ''),
     ('wind.profile', 'logarithmic', 'log, power, uniform'),
     ('wind.roughness_length', 'rough', 'number'),
+    ('wind.zones', ['size=1,1,1', 'size=1,1,1 speed=9'], 'wind.zones[1]'),
+    ('wind.zones', ['size=1,1,1 ' + 'x' * MEGABYTE], 'wind.zones[0]'),
     ('publish_rate', 0.0, ''),
     ('world_frame', 'map', 'read-only'),
     ('sapling.count', -1, ''),

@@ -187,6 +187,7 @@ def test_random_scenes_are_built_or_refused(client):
     """Refuse grammars that are none, with a reason, and keep the scene; then take a good one."""
     rng = Random(7)
     for name, default in (('seed', 0), ('gravity', 9.81), ('scene.cues', ['']), ('wind.file', ''),
+                          ('wind.map', ''), ('wind.zones', ['']),
                           ('ground.motion', ['']), ('terrain.erosion', 0.0),
                           ('terrain.file', '')):
         assert client.sim.set_parameters([Parameter(name, value=default)])[0].successful

@@ -265,6 +265,20 @@ def test_values_out_of_range_are_refused_when_they_are_set(client):
         assert not client.set_parameter(f'spawn.{name}', value).successful
 
 
+def test_boxes_of_the_wind_come_and_go_while_it_runs(client):
+    """Set boxes at once, keep them on reset and reload, and leave none once they are gone."""
+    def count():
+        return len(client.sim.session.simulation.wind.zones)
+    boxes = ['size=4,4,4 speed=0.5', 'size=9,9,9 turn=1']
+    assert client.set_parameter('wind.zones', boxes).successful
+    client.spin_until(lambda: count() == 2, 'boxes')
+    for service in ('reset_simulation', 'reload_scene'):
+        assert client.trigger(service).success and count() == 2
+    assert client.set_parameter('wind.zones', ['']).successful
+    client.spin_until(lambda: count() == 0, 'no boxes')
+    assert client.trigger('reload_scene').success and count() == 0
+
+
 def test_reset_keeps_what_was_spawned_and_saved_states_have_it(client, tmp_path):
     """Reset and restore with a spawned object; only a reload is the scene of the parameters."""
     simulation = client.sim.session.simulation

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 import pytest
 
-from procphys_ros.errors import SceneError
+from procphys_ros.errors import SceneError, SnapshotError
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.physics.wind import Gust, Wind, WindSettings
@@ -36,7 +36,7 @@ EVERYWHERE = 'size=1e5,1e5,1e5 speed=0.5'
 EVERYTHING = {
     'scene': {'objects': ['tree', 'wall', 'flap']}, 'engine': 'native',
     'tree': {'origin': [0.0, 9.0, 0.0], 'grammar_text': """
-axiom: Width(0.05) Density(700) Modulus(8e9) F(1) F(1) [ /(90) &(40) F(0.5) Leaf(0.5) ] F(1) Leaf(1)
+axiom: Width(0.05) Density(700) Modulus(8e9) F(1) F(1) [ /(90) &(40) F(0.5) Leaf(0.5) ] F(1)
 """},
     'wall': {'origin': [0.0, -9.0, 0.0], 'yaw': 1.5, 'grammar_text': """
 building wall
@@ -50,7 +50,8 @@ material brick {}
     'flap': {'grammar_text': """
 mechanism flap {
     box post { size: 0.1, 0.1, 2  at: 0, 0, 1  weld {} }
-    plate flap { size: 0.01, 0.8, 0.6  at: 0, 0.5, 1.5  hinge { to: post  at: 0, 0.05, 1.5  axis: 0, 0, 1 } }
+    plate flap { size: 0.01, 0.8, 0.6  at: 0, 0.5, 1.5
+        hinge { to: post  at: 0, 0.05, 1.5  axis: 0, 0, 1 } }
     box crate { size: 0.3, 0.3, 0.3  mass: 1  at: 3, 0, 0.15 }
 }
 """}}
@@ -175,7 +176,7 @@ def test_walls_take_the_pressure_of_their_place():
 
 
 def test_nothing_set_changes_nothing():
-    """Give the wind of before, to the bit, without boxes and after they are gone."""
+    """Return the wind of before, to the bit, without boxes and after they are gone."""
     places = np.random.default_rng(2).uniform(-50.0, 50.0, (200, 3))
     plain, changed = (_wind(turbulence_intensity=0.2) for _ in range(2))
     changed.change(WindSettings(**{**STEADY, 'turbulence_intensity': 0.2, 'zones': (EVERYWHERE,)}))
@@ -259,7 +260,7 @@ def test_a_scene_has_the_map_of_its_file(tmp_path):
         simulation.restore(saved[-1])
         simulation.step()
         assert _at(simulation.wind, 7.0, 7.0, 7.0)[0] == 20.0 * speed
-    with pytest.raises(Exception, match='another scene'):
+    with pytest.raises(SnapshotError, match='another scene'):
         simulation.restore(saved[0])
 
 

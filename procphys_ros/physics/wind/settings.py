@@ -48,7 +48,7 @@ class WindSettings:
     :ivar reference_height: height of `velocity` [m]; it also determines the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
     :ivar shelter: whether trees and buildings reduce the wind in their lee.
-    :ivar zones: boxes in which the wind differs, each as `zones.Zone` in words.
+    :ivar zones: boxes in which the wind differs, each as `zones.WindZone` in words.
     :ivar map: table of how the wind differs by place; '' = none.
     :ivar file: record of the mean wind to follow in place of `velocity`; '' = none.
     :raises SceneError: when a value is out of its range; the message names key and range.

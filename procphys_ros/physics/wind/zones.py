@@ -41,7 +41,7 @@ _MOST = 100  # boxes; each costs time at all points
 
 
 @dataclass(frozen=True)
-class Zone:
+class WindZone:
     """
     Box in which the wind differs.
 
@@ -71,7 +71,7 @@ def zone_rows(texts: Sequence[str]) -> np.ndarray:
     """
     Read boxes.
 
-    :param texts: of each 'name=value …', as the fields of `Zone`.
+    :param texts: of each 'name=value …', as the fields of `WindZone`.
     :returns: one row each, (Z, COLUMNS).
     :raises SceneError: naming the box, the fault and what is allowed.
     """
@@ -80,7 +80,7 @@ def zone_rows(texts: Sequence[str]) -> np.ndarray:
     rows = np.empty((len(texts), COLUMNS))
     for number, text in enumerate(texts):
         try:
-            zone = Zone(**read_words(text.split(), Zone))
+            zone = WindZone(**read_words(text.split(), WindZone))
         except SceneError as error:
             raise SceneError(f'wind.zones[{number}] "{clip(text)}": {error}') from None
         rows[number] = (*zone.position, *(0.5 * edge for edge in zone.size), cos(zone.yaw),
@@ -120,9 +120,10 @@ def find_factors(points, nodes, zones):
         if nodes.size:
             _interpolate(points[i], nodes, out[i])
         for j in range(len(zones)):
-            share = _share(points[i], zones[j])
-            for k in range(3):
-                out[i, k] += share * (zones[j, 9 + k] - out[i, k])
+            share = _share(points[i, 0], points[i, 1], points[i, 2], zones, j)
+            if share > 0.0:
+                for k in range(3):
+                    out[i, k] += share * (zones[j, 9 + k] - out[i, k])
     return out
 
 
@@ -137,13 +138,14 @@ def turn_wind(air, factors):
 
 
 @subroutine
-def _share(point, zone):
+def _share(px, py, pz, zones, j):
     """Return 1 inside of a box, 0 beyond its fade, linear in the distance between."""
-    x, y = point[0] - zone[0], point[1] - zone[1]
-    along, across = zone[6] * x + zone[7] * y, zone[6] * y - zone[7] * x
-    dx, dy = max(abs(along) - zone[3], 0.0), max(abs(across) - zone[4], 0.0)
-    dz = max(abs(point[2] - zone[2]) - zone[5], 0.0)
-    return max(1.0 - np.sqrt(dx * dx + dy * dy + dz * dz) / zone[8], 0.0)
+    x, y, fade = px - zones[j, 0], py - zones[j, 1], zones[j, 8]
+    dx = max(abs(zones[j, 6] * x + zones[j, 7] * y) - zones[j, 3], 0.0)
+    dy = max(abs(zones[j, 6] * y - zones[j, 7] * x) - zones[j, 4], 0.0)
+    dz = max(abs(pz - zones[j, 2]) - zones[j, 5], 0.0)
+    square = dx * dx + dy * dy + dz * dz
+    return 1.0 - np.sqrt(square) / fade if square < fade * fade else 0.0
 
 
 @subroutine
