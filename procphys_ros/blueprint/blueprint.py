@@ -93,6 +93,10 @@ class Hinges(_Table):
     :ivar break_force: transmitted force that destroys the joint [N], (H,); inf = never.
     :ivar break_torque: twisting moment that destroys the joint [N·m], (H,); inf = never.
     :ivar strength: bending stress that breaks the wood [Pa], (H,); inf = never.
+    :ivar yield_stress: bending stress beyond which a part of the bend stays [Pa], (H,); inf =
+        never.
+    :ivar hardening: moment that a joint beyond its yield stress gains per bend that stays
+        [N·m/rad], (H,).
     :ivar root_moment: moment that turns a root plate out of the ground [N·m], (H,); inf = never.
     :ivar preload: share of the weight carried that the joint's shape at rest allows for, (H,); 1 =
         the part rests where it was put, 0 = it was put there unloaded and sags.
@@ -110,13 +114,16 @@ class Hinges(_Table):
     break_force: np.ndarray = _column()
     break_torque: np.ndarray = _column()
     strength: np.ndarray = _column()
+    yield_stress: np.ndarray = _column()
+    hardening: np.ndarray = _column()
     root_moment: np.ndarray = _column()
     preload: np.ndarray = _column()
     cling: np.ndarray = _column()
 
     def __post_init__(self) -> None:
-        if len(self.cling) < len(self.swing_limit):
-            object.__setattr__(self, 'cling', np.zeros(len(self.swing_limit)))
+        for name, value in (('cling', 0.0), ('yield_stress', np.inf), ('hardening', 0.0)):
+            if len(getattr(self, name)) < len(self.swing_limit):
+                object.__setattr__(self, name, np.full(len(self.swing_limit), value))
 
 
 @dataclass(frozen=True)

@@ -40,6 +40,9 @@ from procphys_ros.geometry.linear import norm
 LEAF_AREAL_DENSITY = 0.2
 
 _MOST_TAKEN = 0.25  # of a segment's mass, for those above it; it may give half to the one below
+# Stiffness of green wood beyond its yield stress over that below: so its work in bending up to the
+# greatest load is what the Wood Handbook has (FPL-GTR-282, table 5-3; docs/decisions/0107).
+_TANGENT = 0.09
 
 Values = float | np.ndarray
 """One number for all nodes, or one for each."""
@@ -77,6 +80,8 @@ class Branches:
     :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
     :ivar cling: strength of the hold on the plant's support, per length [N/m], (S,); 0 = none.
+    :ivar yield_stress: bending stress beyond which a part of the bend stays [Pa], (S,) or one for
+        all; inf = never.
     """
 
     parent: np.ndarray
@@ -105,6 +110,11 @@ class Branches:
     preload: np.ndarray
     texture: np.ndarray
     cling: np.ndarray
+    yield_stress: np.ndarray | float = np.inf
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, 'yield_stress',
+                           np.broadcast_to(self.yield_stress, self.parent.shape))
 
     def __len__(self) -> int:
         return len(self.parent)
@@ -166,18 +176,23 @@ def bending_stiffness(branches: Branches) -> np.ndarray:
     0.5 % of the Euler-Bernoulli beam, without it 9 % low. The bending of tapered halves is
     integrated along them; the root plate is one more spring in series.
     """
+    given, wood = ~np.isnan(branches.swing_stiffness), _wood_flexibility(branches)
+    rooted = (branches.parent < 0) & ~np.isnan(branches.root_stiffness)
+    series = 1.0 / (wood + np.where(rooted, 1.0 / branches.root_stiffness, 0.0))
+    return np.where(given & ~rooted, branches.swing_stiffness, series)
+
+
+def _wood_flexibility(branches: Branches) -> np.ndarray:
+    """Compute the bend of every joint without the root plate per moment [rad/(N·m)], (S,)."""
     middle = 0.5 * (branches.width + branches.tip_width)
     # Nothing bends at a tip that tapers to a point.
     tip = np.where(branches.tip_width > 0.0, branches.tip_width, middle)
     near, far = (_bend_of_half(branches, first, last)
                  for first, last in ((branches.width, middle), (middle, tip)))
     follows = (branches.parent >= 0) & ~branches.lateral
-    given = ~np.isnan(branches.swing_stiffness)
-    wood = np.where(given, 1.0 / branches.swing_stiffness,
-                    near + np.where(follows, far[branches.parent], 0.0))
-    rooted = (branches.parent < 0) & ~np.isnan(branches.root_stiffness)
-    series = 1.0 / (wood + np.where(rooted, 1.0 / branches.root_stiffness, 0.0))
-    return np.where(given & ~rooted, branches.swing_stiffness, series)
+    return np.where(np.isnan(branches.swing_stiffness),
+                    near + np.where(follows, far[branches.parent], 0.0),
+                    1.0 / branches.swing_stiffness)
 
 
 def wood_mass(branches: Branches) -> np.ndarray:
@@ -215,7 +230,8 @@ def _bend_of_half(branches: Branches, first: np.ndarray, last: np.ndarray) -> np
 
 def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
                density: Values = 900.0, modulus: Values = 8e9, strength: Values = 60e6,
-               damping_ratio: Values = 0.05, swing_limit: Values = np.pi / 3.0,
+               yield_stress: Values = np.inf, damping_ratio: Values = 0.05,
+               swing_limit: Values = np.pi / 3.0,
                break_force: Values = np.inf, break_torque: Values = np.inf,
                bone_ratio: Values = 0.9, root_stiffness: Values = np.nan,
                root_moment: Values = np.inf, leaves: Leaves = _BARE, material: str = 'wood',
@@ -240,7 +256,8 @@ def from_nodes(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, *,
     segment = segments_of(parents)
     tip = np.argsort(segment, kind='stable')[np.count_nonzero(segment < 0):]
     wood = {name: _per_segment(name, value, tip, len(nodes)) for name, value in {
-        'density': density, 'modulus': modulus, 'strength': strength, 'bone_ratio': bone_ratio,
+        'density': density, 'modulus': modulus, 'strength': strength,
+        'yield_stress': yield_stress, 'bone_ratio': bone_ratio,
         'damping_ratio': damping_ratio, 'swing_limit': swing_limit, 'break_force': break_force,
         'break_torque': break_torque, 'root_stiffness': root_stiffness,
         'root_moment': root_moment}.items()}
@@ -319,6 +336,8 @@ def _hinges(branches: Branches) -> Hinges:
         stretch_stiffness=default(branches.stretch_stiffness, np.inf),
         stretch_damping=branches.stretch_damping, break_force=branches.break_force,
         break_torque=branches.break_torque, strength=branches.strength,
+        yield_stress=np.array(branches.yield_stress),
+        hardening=_TANGENT / (1.0 - _TANGENT) / _wood_flexibility(branches),
         root_moment=np.where(branches.parent < 0, branches.root_moment, np.inf),
         preload=branches.preload, cling=branches.cling * branches.length)
 
@@ -344,7 +363,8 @@ def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
             'zero or more')
     _demand((branches.bone_ratio > 0.0) & (branches.bone_ratio <= 1.0), 'segment', 'bone ratio',
             branches.bone_ratio, 'above 0 and at most 1')
-    for name in ('strength', 'swing_limit', 'break_force', 'break_torque', 'root_moment'):
+    for name in ('strength', 'yield_stress', 'swing_limit', 'break_force', 'break_torque',
+                 'root_moment'):
         _demand(getattr(branches, name) > 0.0, 'segment', name.replace('_', ' '),
                 getattr(branches, name), 'above zero')
     _demand(~(branches.swing_stiffness <= 0.0) & ~np.isinf(branches.swing_stiffness), 'segment',

@@ -94,7 +94,7 @@ def _branches(segments: np.ndarray) -> Branches:
         parent=parent, lateral=lateral, base=_axis(segments, walk.POSITION).copy(),
         attitude=_attitude(segments), length=segments[:, 2].copy(), width=width, tip_width=tip,
         density=value('Density'), modulus=value('Modulus'), strength=value('Strength'),
-        bone_ratio=np.clip(value('BoneRatio'), bone.low, bone.high),
+        yield_stress=value('Yield'), bone_ratio=np.clip(value('BoneRatio'), bone.low, bone.high),
         swing_limit=np.radians(value('SwingLimit')), swing_stiffness=value('SwingForce'),
         swing_damping=value('SwingDamper'), damping_ratio=value('DampingRatio'),
         twist_stiffness=value('TwistForce'), twist_damping=value('TwistDamper'),

@@ -107,6 +107,7 @@ ATTRIBUTES = (
     Attribute('Density', 900.0, Range(0.1, 25e3, 'kg/m³')),
     Attribute('Modulus', 9.9e9, Range(1e3, 2e12, 'Pa')),
     Attribute('Strength', np.inf, Range(1.0, 1e12, 'Pa')),
+    Attribute('Yield', np.inf, Range(1.0, 1e12, 'Pa')),
     Attribute('DampingRatio', 0.05, Range(0.0, 10.0)),
     Attribute('SwingLimit', 60.0, Range(1e-3, 180.0, 'degrees')),
     Attribute('SwingForce', np.nan, _STIFFNESS),   # absent: E·I/L

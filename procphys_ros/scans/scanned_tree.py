@@ -36,8 +36,9 @@ from procphys_ros.scans.skeleton_graph import read_skeleton
 
 _DEFINES: Mapping[str, float] = MappingProxyType({
     'unit': 1.0, 'diameter_unit': 0.0, 'foot_diameter': 0.0, 'twig': 0.0, 'density': 900.0,
-    'modulus': 8e9, 'strength': 60e6, 'damping': 0.05, 'preload': 1.0, 'root_stiffness': 0.0,
-    'root_moment': 0.0, 'leaf_area': 0.0, 'leaf_size': 0.1, 'leaf_below': 0.02})
+    'modulus': 8e9, 'strength': 60e6, 'yield': 0.0, 'damping': 0.05, 'preload': 1.0,
+    'root_stiffness': 0.0, 'root_moment': 0.0, 'leaf_area': 0.0, 'leaf_size': 0.1,
+    'leaf_below': 0.02})
 _ABOVE_ZERO = ('unit', 'density', 'modulus', 'strength', 'leaf_size')
 _MOST = {'unit': 1e3, 'diameter_unit': 1e3, 'preload': 1.0}
 _SWING_LIMIT, _BONE_RATIO = np.pi / 3.0, 0.9  # as of `skeleton.from_nodes`
@@ -180,7 +181,8 @@ def _branches(cylinders: Cylinders, values: Mapping[str, float]) -> Branches:
         attitude=shortest_turn(along), length=cylinders.length,
         width=2.0 * (below if cylinders.tapered else radius), tip_width=2.0 * radius,
         density=each(values['density']), modulus=each(values['modulus']),
-        strength=each(values['strength']), bone_ratio=each(_BONE_RATIO),
+        strength=each(values['strength']),
+        yield_stress=each(values['yield'] or np.inf), bone_ratio=each(_BONE_RATIO),
         swing_limit=each(_SWING_LIMIT), swing_stiffness=unknown, swing_damping=unknown,
         damping_ratio=each(values['damping']), twist_stiffness=unknown, twist_damping=unknown,
         stretch_stiffness=unknown, stretch_damping=unknown, break_force=never,

@@ -28,7 +28,7 @@ import math
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.trees import integrator, joints, passes, pose
-from procphys_ros.physics.trees.layout import REACH
+from procphys_ros.physics.trees.layout import PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import SegmentJoint
 
@@ -55,14 +55,17 @@ def lean(plan, trees, model, state, scratch, wind, gravity, goal):
         for _ in range(_TURNS):
             passes.load_all(rows, model, state, scratch, state.frame, wind, gravity, h)
             tighten(rows, above, model, state, scratch, h)
+            soften(rows, model.swing, state, scratch.jump)
             passes.eliminate_joints(rows, above, model, state, scratch, state.frame, h, h, 1.0)
             passes.take(rows, above, model, state, scratch, state.frame, h)
             changed = integrator.limits_changed(rows, model, state, scratch, h)
             moved = bend(rows, above, model, state, scratch, h)
+            stiffen(rows, model.swing, scratch.jump)
             if h == _LAST and moved < goal and not changed:
                 break
             h = _LAST if moved < _NEAR else min(_GROWTH * h, _LAST)
         for i in rows:
+            joints.flow(i, model.swing, state.bend, state.kept)
             for c in range(12):
                 state.middle[i, c] = state.frame[i, c]
             for c in range(6):
@@ -93,6 +96,33 @@ def tighten(rows, above, model, state, scratch, h):
         a[k, 3] += s * (1.0 - y * y)
         a[k, 4] -= s * y * z
         a[k, 5] += s * (1.0 - z * z)
+
+
+@subroutine(**INLINE)
+def soften(rows, swing, state, own):
+    """
+    Scale the springs of joints beyond their yield moments to their secants.
+
+    :param own: receives what the springs were, (n, 4).
+    """
+    for k in range(len(rows)):
+        i = rows[k]
+        own[k, 0] = swing[i, STIFFNESS]
+        own[k, 1], own[k, 2] = swing[i, PRELOAD_X], swing[i, PRELOAD_Y]
+        share = joints.secant(i, swing, state.bend, state.kept)
+        if share < 1.0:
+            swing[i, STIFFNESS] *= share
+            swing[i, PRELOAD_X] *= share
+            swing[i, PRELOAD_Y] *= share
+
+
+@subroutine(**INLINE)
+def stiffen(rows, swing, own):
+    """Restore springs to what they were before `soften`."""
+    for k in range(len(rows)):
+        i = rows[k]
+        swing[i, STIFFNESS], swing[i, PRELOAD_X] = own[k, 0], own[k, 1]
+        swing[i, PRELOAD_Y] = own[k, 2]
 
 
 @subroutine(**INLINE)

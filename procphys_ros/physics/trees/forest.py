@@ -243,7 +243,7 @@ class Forest:
 
     @property
     def constants(self) -> np.ndarray:
-        """Constants of all rows that growth changes, columns named in `growing`, (S, 27)."""
+        """Constants of all rows that growth changes, columns named in `growing`, (S, 29)."""
         model = self._model
         return np.hstack([model.mount, model.body, model.swing, model.extra,
                           self._section[:, None]])
@@ -255,7 +255,7 @@ class Forest:
         Mass that is added is at rest: momenta stay, too. Mass that is lost takes its own along.
 
         :param rows: active rows, (K,).
-        :param constants: new ones, as in `constants`, (K, 27).
+        :param constants: new ones, as in `constants`, (K, 29).
         :param leaves: share of their leaf area left, 0 to 1, (K,).
         """
         inertia = self._model.body[:, [MASS, ACROSS]]
@@ -274,7 +274,7 @@ class Forest:
         """
         Change all constants, reset, and return the full preloads at rest, (S, 4).
 
-        :param constants: new ones, as in `constants`; their preloads are ignored, (S, 27).
+        :param constants: new ones, as in `constants`; their preloads are ignored, (S, 29).
         """
         constants = constants.copy()
         constants[:, growing.PRELOADS] = 0.0
@@ -533,7 +533,9 @@ class Forest:
         height = product(self.poses[moving, :3], self._gravity) - self._rest_height[moving]
         anchored = anchors.energy(self._state.anchor[moving], self.poses[moving, :3])
         elastic = swing[:, STIFFNESS] * (bend[:, :2] * bend[:, :2]).sum(axis=1)
-        preload = (swing[:, [PRELOAD_X, PRELOAD_Y]] * bend[:, :2]).sum(axis=1)
+        kept = swing[:, [STIFFNESS]] * self._state.kept[moving, :2]
+        elastic += (kept * self._state.kept[moving, :2]).sum(axis=1)
+        preload = ((swing[:, [PRELOAD_X, PRELOAD_Y]] + kept) * bend[:, :2]).sum(axis=1)
         for j, c in ((2, 0), (3, EXTRA_STRIDE)):
             sprung = np.isfinite(extra[:, c + EXTRA_STIFFNESS])
             q = np.where(sprung, bend[:, j], 0.0)

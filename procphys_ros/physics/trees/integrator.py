@@ -237,6 +237,7 @@ def move_segment(k, rows, above, model, state, scratch, gravity, dt, per, on, of
     else:
         lost = pose.advance_bend(i, scratch.rate[k, 0], scratch.rate[k, 1], dt, model,
                                  state)
+        joints.flow(i, model.swing, state.bend, state.kept)
         if model.joint[i] == _SPRUNG:
             joints.advance_extra(i, k, dt, model, state, scratch)
         pose.place(k, rows, above, model, state)

@@ -29,10 +29,12 @@ from procphys_ros.physics.trees.layout import (
     EXTRA_PRELOAD,
     EXTRA_STIFFNESS,
     EXTRA_STRIDE,
+    HARDENING,
     LIMIT,
     PRELOAD_X,
     PRELOAD_Y,
     STIFFNESS,
+    YIELD,
 )
 from procphys_ros.physics.trees.spatial import (
     dot,
@@ -77,12 +79,12 @@ def keep(f, k, d, u, inverse, drive):
 
 
 @subroutine(**INLINE)
-def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
+def give_swing(i, k, h, dt, gate, swing, bend, kept, stop, frame, a, f, limits):
     """Eliminate the two bends of row i, in the basis along and across a limit that holds it."""
     stiffness, acts = swing[i, STIFFNESS], 1.0 if h > 0.0 else 0.0
     own = h * (swing[i, DAMPING] + h * stiffness)
-    e1 = acts * (swing[i, PRELOAD_X] - stiffness * bend[i, 0])
-    e2 = acts * (swing[i, PRELOAD_Y] - stiffness * bend[i, 1])
+    m1, m2 = sprung(i, swing, bend, kept)
+    e1, e2 = acts * m1, acts * m2
     n1, n2, held = basis(stop, i)
     j, b, m, p = read(a, k)
     x, y, z = mix(frame, i, -n2, n1)
@@ -106,6 +108,53 @@ def give_swing(i, k, h, dt, gate, swing, bend, stop, frame, a, f, limits):
     p = relieve(p, u, gate * inverse * drive)
     write(a, k, j, b, m, p)
     return j, b, m, p
+
+
+@subroutine(**INLINE)
+def unbent(i, swing, kept):
+    """Compute the moments of the springs of row i where it is not bent [N·m]."""
+    return (swing[i, PRELOAD_X] + swing[i, STIFFNESS] * kept[i, 0],
+            swing[i, PRELOAD_Y] + swing[i, STIFFNESS] * kept[i, 1])
+
+
+@subroutine(**INLINE)
+def sprung(i, swing, bend, kept):
+    """Compute the moments of the springs of row i [N·m]."""
+    m1, m2 = unbent(i, swing, kept)
+    return (m1 - swing[i, STIFFNESS] * bend[i, 0], m2 - swing[i, STIFFNESS] * bend[i, 1])
+
+
+@subroutine(**INLINE)
+def excess(i, swing, bend, kept):
+    """Compute the moment of the springs of row i, and what it is beyond yielding [N·m]."""
+    limit = swing[i, YIELD] + kept[i, 2]
+    if limit == math.inf:
+        return 0.0, 0.0
+    m1, m2 = sprung(i, swing, bend, kept)
+    size = math.sqrt(m1 * m1 + m2 * m2)
+    return size, max(0.0, size - limit)
+
+
+@subroutine(**INLINE)
+def flow(i, swing, bend, kept):
+    """Let row i keep what bends it beyond its yield moment: radial return, linear hardening."""
+    size, over = excess(i, swing, bend, kept)
+    if over > 0.0:
+        m1, m2 = sprung(i, swing, bend, kept)
+        more = over / (swing[i, STIFFNESS] + swing[i, HARDENING])
+        kept[i, 0] -= more * m1 / size
+        kept[i, 1] -= more * m2 / size
+        kept[i, 2] += swing[i, HARDENING] * more
+
+
+@subroutine(**INLINE)
+def secant(i, swing, bend, kept):
+    """Compute the moment that row i has after `flow`, over that of its springs before it."""
+    size, over = excess(i, swing, bend, kept)
+    if over > 0.0:
+        stiffness = swing[i, STIFFNESS]
+        return 1.0 - over / size * stiffness / (stiffness + swing[i, HARDENING])
+    return 1.0
 
 
 @subroutine(**INLINE)

@@ -24,11 +24,12 @@ from procphys_ros.compilation import kernel
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import CYLINDER_DRAG, FOLIAGE_DRAG, VOGEL_EXPONENT
+from procphys_ros.physics.trees.breaks import section_modulus
 
 # Columns of `Rows.body`, constants of a segment.
 MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW, VOGEL = range(8)
 # Columns of `Rows.swing`, constants of its two bending degrees of freedom.
-STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y = range(5)
+STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y, YIELD, HARDENING = range(7)
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
 EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_PRELOAD, EXTRA_STRIDE = range(4)
 
@@ -48,7 +49,7 @@ class Rows:
     :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
     :ivar mount: joint frame in the parent's joint frame (world for a root) [m], (S, 7).
     :ivar body: see the column names above; SI, drag as force per speed squared, (S, 8).
-    :ivar swing: see the column names above, (S, 5).
+    :ivar swing: see the column names above, (S, 7).
     :ivar extra: twist and stretch springs, inf where locked, (S, 6).
     :ivar width: diameter at the joint [m], (S,).
     """
@@ -97,7 +98,7 @@ def arrange(blueprint: Blueprint, air_density: float) -> Rows:
         0.5 * air_density * CYLINDER_DRAG * blueprint.visual_size[part, :2].mean(axis=1) * length,
         0.5 * air_density * FOLIAGE_DRAG * blueprint.leaf_area[part],
         _vogel_exponents(blueprint)[part]])
-    swing, extra = _springs(blueprint.hinges, order)
+    swing, extra = _springs(blueprint.hinges, order, section_modulus(width))
     return Rows(part, bond, order, parent, end, _axes(parent, width, frame), mount, body, swing,
                 extra, width)
 
@@ -117,13 +118,16 @@ def set_damping(rows: Rows, rate: np.ndarray) -> None:
         table[:, c] = np.where(np.isnan(table[:, c]), rate * stiffness, table[:, c])
 
 
-def _springs(hinges: Hinges, order: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _springs(hinges: Hinges, order: np.ndarray,
+             section: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     nothing = np.zeros(len(hinges))
     swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, hinges.swing_limit,
-                             nothing, nothing])
+                             nothing, nothing, hinges.yield_stress, hinges.hardening])
     extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing,
                              hinges.stretch_stiffness, hinges.stretch_damping, nothing])
-    return swing[order], extra[order]
+    swing, extra = swing[order], extra[order]
+    swing[:, YIELD] *= section
+    return swing, extra
 
 
 def _vogel_exponents(blueprint: Blueprint) -> np.ndarray:

@@ -108,8 +108,8 @@ def eliminate_joints(rows, above, model, state, scratch, frame, h, dt, gate):
             continue
         if model.joint[i] == _SPRUNG:
             joints.give_extra(i, k, h, gate, model, state.bend, frame, scratch)
-        j, b, m, p = joints.give_swing(i, k, h, dt, gate, model.swing, state.bend, state.stop,
-                                       frame, a, scratch.factor, scratch.bound)
+        j, b, m, p = joints.give_swing(i, k, h, dt, gate, model.swing, state.bend, state.kept,
+                                       state.stop, frame, a, scratch.factor, scratch.bound)
         if up >= 0:
             x, y, z = apart(frame, i, rows[up])
             j, b, m = shift(j, b, m, x, y, z)

@@ -19,7 +19,8 @@ import math
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import functions
-from procphys_ros.physics.trees.layout import LIMIT, PRELOAD_X, PRELOAD_Y, REACH, STIFFNESS
+from procphys_ros.physics.trees.joints import unbent
+from procphys_ros.physics.trees.layout import LIMIT, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import SegmentJoint
 
@@ -188,8 +189,9 @@ def advance_bend(i, first, second, dt, model, state):
     limit, square = model.swing[i, LIMIT], x * x + y * y
     if square > limit * limit:
         shrink = limit / math.sqrt(square)
+        m1, m2 = unbent(i, model.swing, state.kept)
         won = (0.5 * model.swing[i, STIFFNESS] * (limit * limit - square)
-               + (1.0 - shrink) * (model.swing[i, PRELOAD_X] * x + model.swing[i, PRELOAD_Y] * y))
+               + (1.0 - shrink) * (m1 * x + m2 * y))
         x *= shrink
         y *= shrink
         square = limit * limit

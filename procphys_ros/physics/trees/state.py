@@ -41,7 +41,7 @@ class ForestModel(NamedTuple):
 
     mount: np.ndarray   # (S, 7)
     body: np.ndarray    # (S, 8)
-    swing: np.ndarray   # (S, 5)
+    swing: np.ndarray   # (S, 7)
     extra: np.ndarray   # (S, 6)
     joint: np.ndarray   # `SegmentJoint`, (S,); changes when a part is released
 
@@ -50,6 +50,8 @@ class ForestState(NamedTuple):
     """Variables, one row per segment; world axes."""
 
     bend: np.ndarray        # bends about the two axes, twist [rad], stretch [m], (S, 4)
+    kept: np.ndarray        # bends that the joint would have without load [rad], and what its
+    #                         yield moment has gained by them [N·m], (S, 3)
     stop: np.ndarray        # direction of a bend held at its limit, zero when free, (S, 2)
     frame: np.ndarray       # see the column names above, (S, 12)
     middle: np.ndarray      # the same, extrapolated to the middle of the next step, (S, 12)
@@ -101,7 +103,7 @@ def make_model(rows: layout.Rows) -> ForestModel:
 
 def make_state(count: int) -> ForestState:
     """Allocate a state at rest; poses are placed later."""
-    widths = 4, 2, 12, 12, 7, 6, 6, 6, 6, 2, 1, anchors.WIDTH
+    widths = 4, 3, 2, 12, 12, 7, 6, 6, 6, 6, 2, 1, anchors.WIDTH
     return ForestState(*(np.zeros((count, width)) for width in widths))
 
 
