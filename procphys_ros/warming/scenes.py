@@ -194,9 +194,9 @@ def break_trees() -> None:
 def crack_wall() -> None:
     """Crack a wall by the wind, then blow it up."""
     simulation = Simulation(Scene.from_parameters(_WALL))
-    simulation.step(60)
+    simulation.step(30)
     simulation.apply_impulse(len(simulation.blueprint) // 2, (0.0, 2.0, 0.0))
-    simulation.step(60)
+    simulation.step(30)
     solver = simulation.state.solver
     rows = solver.graph.neighbours(np.array([0]))
     _, low, high = strength.opening(solver.graph, rows, solver.wrenches(rows))
@@ -209,9 +209,9 @@ def wreck_cottage() -> None:
     simulation = _shipped('figure_1')
     simulation.step(2)
     _strike(simulation)
-    simulation.step(20)
+    simulation.step(17)
     simulation.demolish()
-    simulation.step(10)
+    simulation.step(2)
     _meddle(simulation, 2)
 
 
