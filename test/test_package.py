@@ -17,6 +17,7 @@
 import ast
 from functools import cache
 from pathlib import Path
+import pkgutil
 import re
 import subprocess
 import sys
@@ -25,6 +26,7 @@ import xml.etree.ElementTree as ElementTree
 import pytest
 
 from procphys_ros import __version__
+from procphys_ros.compilation import folder
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.terminal.program import COMMANDS
 
@@ -99,6 +101,17 @@ def test_imports_go_downwards():
                 assert other == own or LAYERS[other] < max(LAYERS[own], 1), f'{path}: {name}'
             if top in ONLY_IN:
                 assert own == ONLY_IN[top], f'{path}: {name}, only {ONLY_IN[top]} may'
+
+
+def test_sources_are_all_that_is_imported():
+    """Find by a search for names what Python's own parser finds, in every file of the package."""
+    files = {module.name for module in pkgutil.walk_packages([str(PACKAGE)], 'procphys_ros.',
+                                                             onerror=str)}
+    assert len(files) > 400
+    for name in files:
+        found = imports(Path(folder._file(name)))
+        found |= {member.rpartition('.')[0] for member in found}
+        assert found & files <= folder.sources(name), name
 
 
 def test_files_have_their_licence():

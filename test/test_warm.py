@@ -29,7 +29,6 @@ from time import sleep
 from typing import Any
 
 import pytest
-from test_package import imports
 
 import procphys_ros
 from procphys_ros.compilation import folder
@@ -125,17 +124,6 @@ def test_scenes_import_all_kernels():
                if name.startswith('procphys_ros.')}
     assert len(modules) > 80
     assert modules - folder.sources('procphys_ros.warming.scenes') == set()
-
-
-def test_sources_are_all_that_is_imported():
-    """Find by a search for names what Python's own parser finds, in every file of the package."""
-    files = {module.name for module in pkgutil.walk_packages(procphys_ros.__path__,
-                                                             'procphys_ros.', onerror=str)}
-    assert len(files) > 400
-    for name in files:
-        found = imports(Path(folder._file(name)))
-        found |= {member.rpartition('.')[0] for member in found}
-        assert found & files <= folder.sources(name), name
 
 
 def python_functions() -> Iterator[Any]:
