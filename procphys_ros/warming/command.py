@@ -21,6 +21,7 @@ Compile all kernels, so that no simulation has to wait for them.
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
+import gc
 from multiprocessing import active_children, get_context, parent_process
 import os
 import signal
@@ -125,8 +126,10 @@ def _end_with_parent() -> None:
 
 
 def _run(name: str) -> str:
+    scene = _scenes()[name]
+    gc.freeze()  # what is there stays: to look through it again and again costs a tenth
     with told_to(lambda _: None):  # that a wall falls is intended
-        _scenes()[name]()
+        scene()
     return name
 
 
