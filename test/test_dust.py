@@ -404,15 +404,20 @@ def test_heights_are_those_of_the_boxes():
         assert height_at(skyline, x, y) == bounds[meets, 5].max(initial=0.0)
 
 
-def test_leaves_come_to_rest_on_a_roof():
-    """Lie on the roof where there is one below, and on the ground beside it."""
-    start = over_house(400, 9.0)
+def landed(start, steps, skyline):
+    """Let leaves fall in still air, to a roof or to the ground, until they lie."""
     falling = leaves_at(start)
-    skyline = Skyline.over(HOUSE)
-    for _ in range(900):
+    for _ in range(steps):
         falling.step(np.flatnonzero(falling.flying), np.zeros((falling.flying.sum(), 3)), STEP,
                      skyline)
     assert not falling.flying.any()
+    return falling
+
+
+def test_leaves_come_to_rest_on_a_roof():
+    """Lie on the roof where there is one below, and on the ground beside it."""
+    start = over_house(400, 9.0)
+    falling = landed(start, 900, Skyline.over(HOUSE))
     height = falling.poses[:, 2]
     assert height[on_house(start)] == pytest.approx(5.01)
     assert height[~on_house(start, EDGE)] == pytest.approx(0.01)
@@ -436,11 +441,8 @@ def test_leaves_do_not_fly_through_walls():
 def test_leaves_fly_on_when_a_roof_is_gone():
     """Lift what lay on it, and nothing else."""
     start = over_house(200, 5.5)
-    falling = leaves_at(start)
     skyline = Skyline.over(HOUSE)
-    for _ in range(600):
-        falling.step(np.flatnonzero(falling.flying), np.zeros((falling.flying.sum(), 3)), STEP,
-                     skyline)
+    falling = landed(start, 600, skyline)
     falling.lift(skyline)
     assert not falling.flying.any()
     lay_high = falling.poses[:, 2] > 1.0

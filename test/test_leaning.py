@@ -28,7 +28,7 @@ from scipy.special import ellipeinc, ellipkinc
 
 from procphys_ros.physics.air import AIR_DENSITY, CYLINDER_DRAG
 from procphys_ros.physics.trees import Forest
-from procphys_ros.physics.trees.layout import CROSS_FLOW, LEAF_FLOW
+from procphys_ros.physics.trees.layout import CROSS_FLOW, LEAF_FLOW, YIELD
 from procphys_ros.scene import Scene
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.simulation import contact, Simulation
@@ -152,11 +152,12 @@ def test_still_air_bends_nothing():
 
 
 def test_as_much_breaks_as_of_trees_that_have_stood():
-    """Count broken joints in the same three seconds of 28 m/s."""
+    """Count broken joints in the same three seconds of 24 m/s, of wood that does not stay bent."""
     # Trees that were unbreakable before, trees that begin then, and trees that the wind jumps at:
-    # 114 and 68 of seed 2, 92 and 54 at 30 m/s of seed 3: gusts before have bent the first for
-    # good.  Without Yield trees that begin lose 0.8 to 1.2 of what the others do.
-    stood = _stand(50, 28.0, 2, 0.2)
+    # 43, 36 and more than 100. At 20 m/s, which breaks fewer, a hundred trees in ten seconds
+    # lost 111, 133 and more than 300 in all for seeds 0 to 3.
+    stood = _stand(50, 24.0, 2, 0.2)
+    stood.state.forest.model.swing[:, YIELD] = np.inf
     begun, jumped = stood.fork(), stood.fork()
     capacity = stood.state.forest._capacity
     assert not np.shares_memory(capacity, begun.state.forest._capacity)
@@ -169,11 +170,11 @@ def test_as_much_breaks_as_of_trees_that_have_stood():
     jumped.state.steps, jumped.state.time = 180, 3.0
     for simulation in (stood, begun):
         simulation.step(180)
-    while jumped.bonds_broken <= 1.5 * begun.bonds_broken and jumped.state.steps < 360:
+    while jumped.bonds_broken <= 2.0 * begun.bonds_broken and jumped.state.steps < 360:
         jumped.step(30)
     assert stood.bonds_broken > 10
-    assert 0.4 * stood.bonds_broken < begun.bonds_broken < 1.5 * stood.bonds_broken
-    assert jumped.bonds_broken > 1.5 * begun.bonds_broken
+    assert 0.7 * stood.bonds_broken < begun.bonds_broken < 1.5 * stood.bonds_broken
+    assert jumped.bonds_broken > 2.0 * begun.bonds_broken
 
 
 def test_what_the_mean_wind_breaks_breaks_at_once():

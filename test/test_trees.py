@@ -237,18 +237,21 @@ def test_root_carries_the_weight():
     assert np.allclose(moment, 9.81 * np.array([lever[1], -lever[0], 0.0]), atol=1e-8)
 
 
+def _shoved(forest: Forest) -> list[float]:
+    """Shove all segments at random; return the energy after each of ten seconds' steps [J]."""
+    forest.velocities[:] = np.random.default_rng(1).normal(size=forest.velocities.shape)
+    energy = []
+    for _ in range(601):
+        forest.step(1.0 / 60.0)
+        energy.append(forest.energy())
+    return energy
+
+
 @pytest.mark.parametrize('stiffness', [8e7, 8e9, 8e13])
 @pytest.mark.parametrize('ratio', [0.0, 0.05])
 def test_energy_never_rises_without_wind(stiffness: float, ratio: float):
     """Expect no step to add energy after a shove, springs, preload and weight included."""
-    forest = Forest(bush(stiffness=stiffness, damping_ratio=ratio), air_density=0.0)
-    rng = np.random.default_rng(1)
-    forest.velocities[:] = rng.normal(size=forest.velocities.shape)
-    forest.step(1.0 / 60.0)
-    energy = [forest.energy()]
-    for _ in range(600):
-        forest.step(1.0 / 60.0)
-        energy.append(forest.energy())
+    energy = _shoved(Forest(bush(stiffness=stiffness, damping_ratio=ratio), air_density=0.0))
     assert np.diff(energy).max() <= 1e-9 * energy[0]
     assert ratio == 0.0 or energy[-1] < 0.5 * energy[0]
 
@@ -312,16 +315,23 @@ def test_yielding_only_takes_energy():
     """Shove a bush beyond its yield moments: no step adds energy, and far more is lost."""
     left = []
     for stress in (np.inf, 3e6):
-        forest = Forest(bush(yield_stress=stress, damping_ratio=0.0), air_density=0.0)
-        forest.velocities[:] = np.random.default_rng(1).normal(size=forest.velocities.shape)
-        forest.step(1.0 / 60.0)
-        energy = [forest.energy()]
-        for _ in range(300):
-            forest.step(1.0 / 60.0)
-            energy.append(forest.energy())
+        energy = _shoved(Forest(bush(yield_stress=stress, damping_ratio=0.0), air_density=0.0))
         assert np.diff(energy).max() <= 1e-9 * energy[0]
-        left.append(energy[-1] / energy[0])
+        left.append(energy[300] / energy[0])
     assert left[0] > 0.99 and left[1] < 0.8
+
+
+def test_what_was_drawn_unloaded_and_yields_by_its_weight_begins_at_rest():
+    """Let a level branch hang by more than its yield moment: nothing moves, and after a reset."""
+    forest = _branch('Preload(0) Yield(1e6)', 20)
+    assert np.linalg.norm(forest.bends[:, :2]) > 1.5 * np.linalg.norm(
+        _branch('Preload(0)', 20).bends[:, :2])
+    for _ in range(2):
+        rest = forest.poses.copy()
+        for _ in range(30):
+            forest.step(1.0 / 60.0)
+        np.testing.assert_allclose(forest.poses, rest, atol=1e-5)
+        forest.reset()
 
 
 def test_what_never_yields_moves_as_what_cannot():

@@ -89,6 +89,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     _add_reach(parser)
     group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     _add_loads(group)
+    _add_damage(group)
     _add_growth(group)
     _add_time(group)
     _add_looks(group)
@@ -107,7 +108,7 @@ def _add_reach(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_loads(group) -> None:
-    """Add the verbs that load, move and break parts."""
+    """Add the verbs that load and move parts."""
     wind = group.add_parser('wind', help='set the mean wind, or switch it on and off',
                             description='Set the mean wind, the way it blows to [m/s], or say '
                                         '"on" or "off".', epilog='example: command wind 12 0 0')
@@ -137,6 +138,10 @@ def _add_loads(group) -> None:
     joint.add_argument('joint', help='<object>/<joint>, as on ~/joint_states')
     joint.add_argument('mode', choices=('position', 'velocity', 'effort'))
     joint.add_argument('value', type=number, help='[m] or [rad], [m/s] or [rad/s], [N] or [N·m]')
+
+
+def _add_damage(group) -> None:
+    """Add the verbs that break parts."""
     explode = group.add_parser('explode', help='set off a charge',
                                epilog='example: command explode 3 2 0.5 --charge 5')
     for axis in 'xyz':

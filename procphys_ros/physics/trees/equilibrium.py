@@ -21,7 +21,8 @@ by dq with (M/h² + D/h + K)·dq = unbalanced loads, D being the dampers and the
 and the tension stiffening of hanging or streaming segments. From iteration to iteration h grows,
 from a slow motion that does not overshoot to Newton's steps. The softening of standing segments by
 their weight is left out, so that K is always positive: standing trees then converge by a factor of
-5 to 20 per iteration.
+5 to 20 per iteration. Joints beyond their yield moments have the secants of their springs, and
+keep what bends them once the equilibrium is found.
 """
 
 import math

@@ -108,7 +108,7 @@ class Forest:
         self._section = breaks.section_modulus(rows.width)
         self._capacity = np.column_stack([hinges.break_force, hinges.break_torque,
                                           hinges.strength, hinges.root_moment])[rows.hinge]
-        self._rest_bend = np.zeros_like(self._state.bend)
+        self._rest = [np.zeros_like(column) for column in (self._state.bend, self._state.kept)]
         self._anchors = np.zeros_like(self._state.anchor)
         self.reset()
         anchored = self._load_anchors(climbers or Anchors.none())
@@ -121,7 +121,7 @@ class Forest:
         self._model.extra[:, [EXTRA_PRELOAD, EXTRA_STRIDE + EXTRA_PRELOAD]] *= share
         if (share < 1.0).any():
             self.lean(np.arange(len(self._plan.start) - 1), None, goal=_SAGGED)
-            self._rest_bend[:] = self._state.bend
+            self._rest = [self._state.bend.copy(), self._state.kept.copy()]
             self.reset()
         self._anchors = anchored
         self._anchors[:, anchors.TARGET:anchors.FORCE] = self.poses[:, :3]
@@ -147,7 +147,7 @@ class Forest:
     @property
     def has_sagged(self) -> bool:
         """Return whether weight bends any joint before the first step."""
-        return bool(self._rest_bend.any())
+        return bool(self._rest[0].any())
 
     @property
     def bends(self) -> np.ndarray:
@@ -162,7 +162,7 @@ class Forest:
         for column in self._state:
             column[:] = 0.0
         self._state.wrenches[:] = np.nan
-        self._state.bend[:] = self._rest_bend
+        self._state.bend[:], self._state.kept[:] = self._rest
         anchors.place(self._state, self._anchors, self._rooted)
         self._model.joint[:] = self._joints
         self._model.body[:, LEAF_FLOW] = self._foliage
