@@ -293,10 +293,10 @@ def test_half_of_the_trees_are_lost_in_a_hurricane():
 
     Trees of all sizes broke at about that (Virot et al. 2016). Spruces are the weakest, for their
     wood is. They do not break all at once, but half of them within 15 m/s, and most near the
-    median. Shrubs and hedges, near the ground, may hold. In nine stands of other trees,
-    of wood that did not stay bent, the median of species lay at 38.8 to 43.0 m/s, the fifth tree
-    of a species at 28.6 (spruce) to 59.4 m/s
-    (willow), the first at 21.0 or more, the median of all trees at 39.4 to 42.2 m/s.
+    median. Shrubs and hedges, near the ground, may hold. In nine stands of other trees, of wood
+    that did not stay bent, the median of species lay at 38.8 to 43.0 m/s, the fifth tree of a
+    species at 28.6 (spruce) to 59.4 m/s (willow), the first at 21.0 or more, the median of all
+    trees at 39.4 to 42.2 m/s.
     """
     stands = _stands(turbulence_intensity=0.0, profile='uniform')
     lost: dict[str, list[float]] = {name: [] for name in sorted(set(_RANGES) - {'hedge', 'shrub'})}
