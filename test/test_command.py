@@ -93,6 +93,7 @@ def with_patience(words):
     ('launch --shape box --size 0.2 0.2 0.1 --mass 2 --from 40 0 3 --velocity 1 0 0', 'flies'),
     ('gust --amplitude 3 --duration 2 --direction 1 0 0', 'gust of 3 m/s for 2 s'),
     ('grow sapling --rate 0.5 --years 1', '3 plants grow on for 1 years, 0.5 a second'),
+    ('load --snow 3 --ramp 0.5', 'snow 3 kg/m², ice 0 m, changes in 0.5 s'),
     ('set gust.duration 4', 'gust.duration  4'),
     ('set wind.zones ["size=4,4,4"]', 'wind.zones  [size=4,4,4]'),
     ('list', 'sapling_2'),

@@ -18,6 +18,7 @@
 
 import json
 import math
+import re
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, Vector3Stamped, WrenchStamped
@@ -306,6 +307,28 @@ def test_same_steps_from_a_reset_give_identical_poses(client):
         assert stamp(message) == pytest.approx(5 / 60, abs=1e-6)
         runs.append(array_of(message))
     np.testing.assert_array_equal(runs[0], runs[1])
+
+
+def test_snow_loads_trees_and_goes(client):
+    """Let snow fall on a running scene and melt: the foot of a tree bears it, and is rid of it."""
+    assert client.set_parameter('wind.velocity', [0.0, 0.0, 0.0]).successful
+    assert client.set_parameter('load.ramp', 0.2).successful
+    assert client.set_parameter('inspect.part', 'sapling_0/0').successful
+    carried = re.compile(r'carries ([\d.e+]+) N')
+
+    def force() -> float:
+        found = carried.search(client.trigger('inspect').message)
+        return float(found[1]) if found else 0.0
+    client.spin_until(lambda: force() > 0.0, 'the first step')
+    bare = force()
+    assert client.set_parameter('load.ice', 0.02).successful
+    client.spin_until(lambda: force() > 1.1 * bare, 'the ice on the tree')
+    refused = client.set_parameter('load.snow', -1.0)
+    assert not refused.successful and 'load.snow' in refused.reason
+    assert client.trigger('reset_simulation').success
+    assert client.get_parameter('load.ice') == 0.02
+    assert client.set_parameter('load.ice', 0.0).successful
+    client.spin_until(lambda: 0.0 < force() < 1.02 * bare, 'the thaw')
 
 
 def test_step_is_refused_while_running(client):

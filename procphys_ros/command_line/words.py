@@ -90,6 +90,7 @@ def _grown() -> tuple['_Parser', dict[str, '_Parser']]:
     group = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
     _add_loads(group)
     _add_damage(group)
+    _add_snow(group)
     _add_growth(group)
     _add_time(group)
     _add_looks(group)
@@ -164,6 +165,9 @@ def _add_damage(group) -> None:
     _vector(saw, '--normal', 'of that plane; none = all that holds the part', (0.0, 0.0, 0.0))
     saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
                      help='of the blade from that point [m]')
+    saw.add_argument('--hinge', type=number, default=0.0, metavar='M',
+                     help='width of the wood that is left to a tree, over which it falls')
+    _vector(saw, '--towards', 'where it falls', (0.0, 0.0, 0.0))
     quake = group.add_parser('earthquake', help='shake the ground', epilog=(
         'What is not given is as in the last one.\n'
         'example: command earthquake --peak 4 --duration 20'))
@@ -174,6 +178,16 @@ def _add_damage(group) -> None:
     quake.add_argument('--start', type=number, metavar='S', help='of it, that is left out')
     _vector(quake, '--direction', 'of the strongest shaking; level')
     group.add_parser('demolish', help='start the timed charges of demolition.*')
+
+
+def _add_snow(group) -> None:
+    """Add the verb for snow and ice."""
+    load = group.add_parser('load', help='let snow and ice lie on trees and buildings', epilog=(
+        'What is not given stays as it is.\n'
+        'example: command load --snow 40 --ramp 20'))
+    load.add_argument('--snow', type=number, metavar='KG/M2', help='on open ground')
+    load.add_argument('--ice', type=number, metavar='M', help='thickness of the coat of twigs')
+    load.add_argument('--ramp', type=number, metavar='S', help='in which the change comes about')
 
 
 def _add_growth(group) -> None:

@@ -36,6 +36,7 @@ from procphys_ros.scene.scenery import SkySettings, SunSettings
 _SAMPLES = 4  # per pixel, at edges
 _SHADOW_SIDE = 4096  # [px]
 _FURTHEST = 4000.0  # [m] largest drawn depth, at least
+_HIDING = 10.0  # [kg/m²] of snow that hide grass: 10 cm when it is fresh
 _OCCLUSION_REACH = 0.7  # [m] within which surfaces occlude the sky for each other
 _SPOKES, _RINGS = 48, np.array([0.0, 1.0, 4.0, 16.0, 64.0, 256.0, 1024.0, 4096.0])  # [m]
 _QUAD = np.array([[-1, -1], [1, -1], [1, 1], [-1, -1], [1, 1], [-1, 1]], 'f4')
@@ -107,7 +108,8 @@ class Canvas:
         """Return the unit vector to the sun, (3,)."""
         return self._daylight.towards
 
-    def draw(self, drawing: SceneBatches, dust: Puffs, view: View, bounds: Bounds) -> np.ndarray:
+    def draw(self, drawing: SceneBatches, dust: Puffs, view: View, bounds: Bounds,
+             snow: float = 0.0) -> np.ndarray:
         """
         Draw a picture.
 
@@ -115,6 +117,7 @@ class Canvas:
         :param dust: in the air.
         :param view: of the camera.
         :param bounds: of the shadow casters.
+        :param snow: on open ground [kg/m²].
         :returns: rows from top to bottom, (H, W, 3) uint8.
         """
         drawing.single_out(view, self._size[1])
@@ -124,7 +127,8 @@ class Canvas:
         projection = view.projection(self._size[0] / self._size[1], planes)
         self._draw_shadow(batches, to_shadow)
         common = {**self._common(view, projection, to_shadow),
-                  'texel_size': 2.0 * bounds.radius / _SHADOW_SIDE}
+                  'texel_size': 2.0 * bounds.radius / _SHADOW_SIDE,
+                  'snow': min(snow / _HIDING, 1.0)}
         self._many.use()
         self._many.clear(depth=1.0)
         context.enable_only(context.DEPTH_TEST)

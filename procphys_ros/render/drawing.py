@@ -55,6 +55,7 @@ class Moment:
     :ivar cracked: bonds that have cracked or broken, (K,).
     :ivar dust: puffs of dust.
     :ivar lying: whether each leaf has fallen and lies, (L,) bool; None = none does.
+    :ivar snow: on open ground [kg/m²].
     """
 
     blueprint: Blueprint
@@ -64,6 +65,7 @@ class Moment:
     cracked: np.ndarray = field(default_factory=lambda: np.zeros(0, int))
     dust: Puffs = field(default_factory=Puffs.none)
     lying: np.ndarray | None = None
+    snow: float = 0.0
 
     def shown(self) -> np.ndarray:
         """Mark the parts to be drawn, (N,) bool."""

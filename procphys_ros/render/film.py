@@ -66,7 +66,8 @@ def moment_of(simulation: Simulation) -> Moment:
     lying = np.zeros(len(simulation.blueprint.leaves), bool)
     lying[fallen.leaf[~fallen.flying]] = True
     return Moment(simulation.blueprint, simulation.state.shown_poses(), simulation.leaf_poses(),
-                  simulation.exists, simulation.log.bonds, simulation.dust, lying)
+                  simulation.exists, simulation.log.bonds, simulation.dust, lying,
+                  simulation.snow_on_ground)
 
 
 def check_camera(scene: Scene, camera: CameraSettings) -> None:

@@ -76,7 +76,8 @@ class Renderer:
         :returns: rows from top to bottom, (H, W, 3) uint8.
         """
         self.prepare(moment)
-        return self._canvas.draw(self._drawing, moment.dust, view, self._shadowed(moment))
+        return self._canvas.draw(self._drawing, moment.dust, view, self._shadowed(moment),
+                                 moment.snow)
 
     def close(self) -> None:
         """Free the memory."""

@@ -205,6 +205,15 @@ def _set(remote: Any, said: argparse.Namespace) -> None:
     print(f'{said.name}  {show(value)}')
 
 
+def _load(remote: Any, said: argparse.Namespace) -> None:
+    given = {f'load.{name}': value for name, value in (
+        ('snow', said.snow), ('ice', said.ice), ('ramp', said.ramp)) if value is not None}
+    if given:
+        remote.change(given)
+    snow, ice, ramp = remote.values(['load.snow', 'load.ice', 'load.ramp'])
+    print(f'snow {show(snow)} kg/m², ice {show(ice)} m, changes in {show(ramp)} s')
+
+
 def _list(remote: Any, said: argparse.Namespace) -> None:
     description = _described(remote, said)
     lines = description.listing(said.pattern) if said.pattern else description.overview()
@@ -225,7 +234,8 @@ def _described(remote: Any, said: argparse.Namespace) -> Description:
 
 def _cut(remote: Any, said: argparse.Namespace) -> None:
     remote.change({'cut.target': said.part, 'cut.point': said.point, 'cut.normal': said.normal,
-                   'cut.reach': said.reach})
+                   'cut.reach': said.reach, 'cut.hinge': said.hinge,
+                   'cut.towards': said.towards})
     print(remote.trigger('cut'))
 
 
@@ -246,6 +256,7 @@ _VERBS: dict[str, Callable] = {
                                'position', 'velocity'),
     'earthquake': _with_parameters('earthquake', 'earthquake', 'peak', 'duration', 'scale',
                                    'start', 'direction'),
+    'load': _load,
     'grow': _with_parameters('grow', 'grow', 'target', 'rate', 'years'), 'cut': _cut,
     'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
     'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),

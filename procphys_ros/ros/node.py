@@ -26,7 +26,6 @@ from rclpy.node import Node
 from procphys_ros import progress
 from procphys_ros.errors import SceneError
 from procphys_ros.files.resources import shared_folder
-from procphys_ros.physics.wind import WindSettings
 from procphys_ros.ros import simulation_interfaces
 from procphys_ros.ros.activity import LongWork
 from procphys_ros.ros.background_compilation import BackgroundCompilation
@@ -44,7 +43,7 @@ from procphys_ros.ros.services import Answers, create_services
 from procphys_ros.ros.session import REMEDY, Session
 from procphys_ros.ros.topic_commands import TopicCommands
 from procphys_ros.scene.parameter_table import GLOBAL, listing, OBJECT
-from procphys_ros.scene.settings import read_settings
+from procphys_ros.scene.settings import read_settings, Settings
 
 _STATUS_PERIOD = 1.0  # [s] between diagnostics
 _LONGEST_TURN = 0.05  # [s] of steps between checks for commands
@@ -157,7 +156,7 @@ class SimNode(Node):
         self.session.on_scene = self._start_scene
         self.session.on_reset = lambda: self._output.reset(self.session.simulation)
         self.session.on_steps = self._show_steps
-        self.session.on_wind = self.create_guard_condition(self._tell_wind).trigger
+        self.session.on_weather = self.create_guard_condition(self._tell_weather).trigger
         self.parameters.on_change(self._change)
         self._moved = False
         self._start()
@@ -276,11 +275,11 @@ class SimNode(Node):
 
     def _change(self, names: set[str]) -> None:
         """Apply changed parameters; they have been checked before."""
-        wind = (read_settings(self.parameters.nested()).wind
-                if any(name.startswith('wind.') for name in names) else None)
-        self.commands.call(Command('set_parameters', lambda: self._apply(names, wind)))
+        groups = {name.split('.')[0] for name in names}
+        settings = read_settings(self.parameters.nested()) if groups & {'wind', 'load'} else None
+        self.commands.call(Command('set_parameters', lambda: self._apply(names, settings)))
 
-    def _apply(self, names: set[str], wind: WindSettings | None) -> str:
+    def _apply(self, names: set[str], settings: Settings | None) -> str:
         self._publish_rate = self.parameters['publish_rate']
         self.pacer.budget = self._longest_turn()
         if names & {'real_time_factor'}:
@@ -288,15 +287,18 @@ class SimNode(Node):
             self.pacer.restart()
         self._output.apply(names)
         self._lidar.apply(names)
-        if wind is not None and self.session.has_scene:
-            self.session.change_wind(wind, names)
+        if settings is not None and self.session.has_scene:
+            self.session.change_weather(settings, names)
         return f'{", ".join(sorted(names))} changed'
 
-    def _tell_wind(self) -> None:
-        """Set the parameter to the present wind, whatever changed it."""
-        velocity = list(self.session.mean_wind)
-        if self.parameters['wind.velocity'] != velocity:
-            self.parameters.tell('wind.velocity', velocity)
+    def _tell_weather(self) -> None:
+        """Set the parameters to the present wind and snow, whatever changed them."""
+        session = self.session
+        now = {'wind.velocity': list(session.mean_wind), 'load.snow': session.snow.snow,
+               'load.ice': session.snow.ice}
+        for name, value in now.items():
+            if self.parameters[name] != value:
+                self.parameters.tell(name, value)
 
     def _report(self) -> None:
         """Log and publish the state; called once a second."""

@@ -29,6 +29,7 @@ from procphys_ros.errors import ProcPhysError
 from procphys_ros.ros.remote import NoNodeError, Remote
 from procphys_ros.scene.named import shipped_scenes
 from procphys_ros.scene.parameter_table import GLOBAL, OBJECT
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.scene.unused import flat
 from procphys_ros.scene.yaml_file import read_yaml
@@ -51,9 +52,9 @@ _TURN = 0.1      # [s] between checks for its end
 _TIMEOUT = 3.0   # [s] to look for the node
 _LONG_PATIENCE = 600.0  # [s] for a scene to be built
 _LOOK = 1.0      # [s] between reads of the node's wind
-# Parameters that a scene has besides those of a reload: its wind, and the groups of cues.
+# Parameters that a scene has besides those of a reload: its wind and snow, and the groups of cues.
 _OF_SCENES = ('wind.', 'gust.', 'impulse.', 'projectile.', 'explosion.', 'demolition.', 'cut.',
-              'earthquake.')
+              'earthquake.', 'load.')
 
 
 class PageCommands:
@@ -253,6 +254,7 @@ _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
     Step: lambda remote, c: remote.trigger('step_simulation'),
     Reset: lambda remote, c: remote.trigger('reset_simulation'),
     SetSpeed: lambda remote, c: remote.change({'real_time_factor': c.factor}),
+    SnowLoad: lambda remote, c: remote.change({'load.snow': c.snow, 'load.ice': c.ice}),
     SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
     Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
     Inspect: _inspect, StartGust: _gust, StartEarthquake: _shake, Projectile: _launch,

@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SnapshotError
-from procphys_ros.physics.wind import Gust, WindSettings
+from procphys_ros.physics.wind import Gust
 from procphys_ros.ros.entities import Entities
 from procphys_ros.ros.pacing import Pacer
 from procphys_ros.ros.state_file import read_state, write_state
@@ -31,6 +31,8 @@ from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
+from procphys_ros.scene.settings import Settings
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.simulation import readings, Simulation
@@ -49,7 +51,8 @@ class Session:
     :ivar on_reset: called after time has jumped back.
     :ivar on_steps: called after steps on demand, or after objects were added, moved or removed.
     :ivar mean_wind: at the reference height [m/s], (3,).
-    :ivar on_wind: called after a change of the mean wind.
+    :ivar snow: snow and ice on the scene.
+    :ivar on_weather: called after a change of one of these.
     :ivar without_scene: reason for refusals while there is no scene.
     """
 
@@ -60,8 +63,9 @@ class Session:
         self.on_scene: Callable[[], None] = lambda: None
         self.on_reset: Callable[[], None] = lambda: None
         self.on_steps: Callable[[], None] = lambda: None
-        self.on_wind: Callable[[], None] = lambda: None
+        self.on_weather: Callable[[], None] = lambda: None
         self.mean_wind: tuple[float, ...] = (0.0, 0.0, 0.0)
+        self.snow = SnowLoad()
         self.without_scene = 'the first scene is still being built'
         self._simulation: Simulation | None = None
 
@@ -103,14 +107,16 @@ class Session:
         self._blow(velocity)
         return f'mean wind {list(velocity)} m/s'
 
-    def change_wind(self, wind: WindSettings, names: set[str]) -> None:
-        """Change to other settings of the wind; `names` are the changed parameters."""
-        if 'wind.velocity' not in names:
-            wind = replace(wind, velocity=self.mean_wind)
-        self.simulation.wind.change(wind)
+    def change_weather(self, settings: Settings, names: set[str]) -> None:
+        """Change to other settings of wind and snow; `names` are the changed parameters."""
+        velocity = settings.wind.velocity if 'wind.velocity' in names else self.mean_wind
+        if any(name.startswith('wind.') for name in names):
+            self.simulation.wind.change(replace(settings.wind, velocity=velocity))
         if 'wind.velocity' in names:
-            self.simulation.wind.set_velocity(wind.velocity, self.simulation.time)
-        self._blow(wind.velocity)
+            self.simulation.wind.set_velocity(velocity, self.simulation.time)
+        if names & {'load.snow', 'load.ice'}:
+            self.simulation.apply(settings.load)
+        self._blow(velocity)
 
     def set_wind_enabled(self, enabled: bool) -> str:
         """Switch the wind on or off."""
@@ -317,8 +323,8 @@ class Session:
                 f'{len(simulation.blueprint.bonds)} bonds')
 
     def _blow(self, velocity: Sequence[float]) -> None:
-        self.mean_wind = tuple(velocity)
-        self.on_wind()
+        self.mean_wind, self.snow = tuple(velocity), self.simulation.snow_load
+        self.on_weather()
 
     def _recover(self) -> None:
         self.failure = ''

@@ -25,6 +25,7 @@ from procphys_ros.physics.wind import Gust, MeanWind
 from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import check, clip, declared, read_words
 
@@ -56,7 +57,8 @@ _VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
     'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
     'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
     'demolish': ('demolition', Demolition), 'cut': ('cut', Cut),
-    'earthquake': ('earthquake', Earthquake), 'grow': ('grow', Grow), 'joint': ('', DriveJoint)}
+    'earthquake': ('earthquake', Earthquake), 'grow': ('grow', Grow), 'joint': ('', DriveJoint),
+    'load': ('load', SnowLoad)}
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Cue:
     :ivar time: simulated [s].
     :ivar text: as written in the scene.
     :ivar what: a `Gust`, `MeanWind`, `Blow`, `Projectile`, `Explosion`, `Demolition`, `Cut`,
-        `Earthquake`, `Grow` or `DriveJoint`.
+        `Earthquake`, `Grow`, `DriveJoint` or `SnowLoad`.
     """
 
     time: float

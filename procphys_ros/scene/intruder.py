@@ -25,6 +25,7 @@ from procphys_ros.scene.solids import edges_of, SHAPES
 from procphys_ros.schema import check, declared
 
 _LARGEST = 50.0  # [m]
+FASTEST_SAW = 10.0  # [m/s]
 
 
 @dataclass(frozen=True)
@@ -34,12 +35,16 @@ class IntruderSettings:
 
     :ivar shape: 'sphere' or 'box'.
     :ivar size: edges along its axes [m], (3,); a single number gives all three.
+    :ivar cuts: how fast it saws through what it touches [m/s]; 0 = it does not.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     shape: str = declared('box', 'of the body that ~/intruder moves', choices=SHAPES)
     size: float | Sequence[float] = declared(
         (1.0, 1.0, 1.0), 'its diameter, or three edges', 'm', 1e-3, _LARGEST, any_length=True)
+    cuts: float = declared(
+        0.0, 'how fast it saws through branches and bricks that it is moved into; 0 = it only '
+        'pushes', 'm/s', 0.0, FASTEST_SAW)
 
     def __post_init__(self) -> None:
         check(self, 'intruder')

@@ -24,6 +24,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.files.file_bounds import named_by
 from procphys_ros.physics.world.pieces import Pieces, single
+from procphys_ros.scene.intruder import FASTEST_SAW
 from procphys_ros.scene.mesh import boxes_in, read_mesh
 from procphys_ros.schema import check, declared, short
 
@@ -41,6 +42,7 @@ class IntrudersSettings:
     :ivar names: of the bodies.
     :ivar shapes: of each: 'sphere DIAMETER', 'box X Y Z', 'capsule DIAMETER LENGTH' along z, over
         the round ends, or 'mesh FILE [SCALE]' [m].
+    :ivar cuts: how fast each saws [m/s]; () = none does.
     :raises SceneError: when one is invalid; the message names it.
     """
 
@@ -48,12 +50,18 @@ class IntrudersSettings:
     shapes: tuple[str, ...] = declared(
         (), 'of each: "sphere 0.4", "box 1 0.5 0.3", "capsule 0.1 0.8" (diameter, length along z) '
         'or "mesh FILE [SCALE]" [m]')
+    cuts: tuple[float, ...] = declared(
+        (), 'how fast each saws through branches and bricks; empty = none does', 'm/s', 0.0,
+        FASTEST_SAW, any_length=True)
 
     def __post_init__(self) -> None:
         check(self, 'intruders')
         if len(self.names) != len(self.shapes):
             raise SceneError(f'intruders.names has {len(self.names)} entries, intruders.shapes '
                              f'{len(self.shapes)}; each name needs one shape')
+        if len(self.cuts) not in (0, len(self.names)):
+            raise SceneError(f'intruders.names has {len(self.names)} entries, intruders.cuts '
+                             f'{len(self.cuts)}; it needs one for each name, or none')
         for name in self.names:
             if not _NAME.match(name) or name == INTRUDER:
                 raise SceneError(f'intruders.names: {short(name)} cannot name an intruder; use '

@@ -34,6 +34,7 @@ from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.shards import Shard
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.scene.terrain import TerrainSettings
@@ -47,8 +48,9 @@ _SCENE = (
               takes_effect='reload'),
     Parameter('scene.cues', [], 'what happens by itself: "<seconds> <verb> name=value …" with the '
               'verbs gust, wind, impulse, launch, explode, demolish, cut, earthquake, grow, '
-              'joint; names as in gust.*, impulse.*, projectile.*, explosion.*, demolition.*, '
-              'cut.*, earthquake.*, grow.*, which hold for all that is not said',
+              'joint, load; names as in gust.*, impulse.*, projectile.*, explosion.*, '
+              'demolition.*, cut.*, earthquake.*, grow.*, load.*, which hold for all that is not '
+              'said',
               takes_effect='reload'),
 )
 NODE = (
@@ -80,6 +82,7 @@ GLOBAL = (
     *NODE,
     *parameters(WindSettings, 'wind'),
     *parameters(Gust, 'gust', takes_effect='use'),
+    *parameters(SnowLoad, 'load'),
     *parameters(TreeSettings, 'trees', takes_effect='reload'),
     *parameters(LeafSettings, 'leaves', takes_effect='reload'),
     *parameters(DustSettings, 'dust', takes_effect='reload'),

@@ -33,6 +33,7 @@ from procphys_ros.scene.intruder import IntruderSettings
 from procphys_ros.scene.intruders import INTRUDER, IntrudersSettings
 from procphys_ros.scene.particles import DustSettings, LeafSettings
 from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
 from procphys_ros.schema import check, declared
@@ -69,6 +70,7 @@ class Settings:
     :ivar motion: how it can move.
     :ivar ground_record: content of `motion`; () = earthquakes are synthetic.
     :ivar earthquake: default values of earthquakes.
+    :ivar load: snow and ice that lie on it.
     :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
@@ -102,9 +104,17 @@ class Settings:
     motion: GroundSettings = field(default_factory=GroundSettings)
     ground_record: GroundRecord = ()
     earthquake: Earthquake = field(default_factory=Earthquake)
+    load: SnowLoad = field(default_factory=SnowLoad)
 
     def __post_init__(self) -> None:
         check(self)
+
+    @property
+    def saws(self) -> dict[str, float]:
+        """Return how fast intruders saw, by name [m/s]; those that do only."""
+        known = {INTRUDER: self.intruder.cuts, **dict(zip(self.intruders.names,
+                                                          self.intruders.cuts))}
+        return {name: speed for name, speed in known.items() if speed > 0.0}
 
     def intruder_pieces(self) -> dict[str, Pieces]:
         """
@@ -137,7 +147,8 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
                     sky=_group(parameters, 'sky', SkySettings),
                     ground=_group(parameters, 'terrain', TerrainSettings),
                     motion=_group(parameters, 'ground', GroundSettings),
-                    earthquake=_group(parameters, 'earthquake', Earthquake))
+                    earthquake=_group(parameters, 'earthquake', Earthquake),
+                    load=_group(parameters, 'load', SnowLoad))
 
 
 def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:

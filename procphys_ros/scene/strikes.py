@@ -107,6 +107,8 @@ class Cut:
     :ivar normal: of the plane, of any length, (3,); 0 = no plane: a segment of a tree is cut off
         at its foot, any other part out of what it is bonded to.
     :ivar reach: of the blade from that point [m].
+    :ivar hinge: width of the strip of wood that a felling cut leaves [m]; 0 = none.
+    :ivar towards: where a hinge lets a tree fall, (3,), world; level.
     :raises CommandError: when a value is out of its range.
     """
 
@@ -118,9 +120,18 @@ class Cut:
         (0.0, 0.0, 0.0), 'of that plane, of any length; 0 0 0 = no plane: all that holds the part',
         '', -_FARTHEST, _FARTHEST)
     reach: float = declared(100.0, 'of the blade from that point', 'm', 1e-3, _FARTHEST)
+    hinge: float = declared(0.0, 'width of the strip of wood that a felling cut leaves, between '
+                            'the notch and the cut from the back; 0 = none', 'm', 0.0, 1.0)
+    towards: Sequence[float] = declared(
+        (0.0, 0.0, 0.0), 'where a tree falls over its hinge; level, of any length', '',
+        -_FARTHEST, _FARTHEST)
 
     def __post_init__(self) -> None:
         check(self, 'cut', CommandError)
+        x, y, z = self.towards
+        if self.hinge > 0.0 and (z != 0.0 or not hypot(x, y) > 0.0):
+            raise CommandError(f'cut.towards is {list(self.towards)}, it must be level and have a '
+                               'length where cut.hinge is not 0')
 
 
 @dataclass(frozen=True)

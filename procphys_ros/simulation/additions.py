@@ -36,6 +36,7 @@ from procphys_ros.simulation import (
     fragments,
     load_checks,
     mechanisms,
+    snow,
 )
 from procphys_ros.simulation.contact_pairs import TreeBounds
 from procphys_ros.simulation.model import compile_model, Model, SETTLING
@@ -77,6 +78,7 @@ def add(model: Model, state: State, blueprint: Blueprint, position: Sequence[flo
     settled, lines = _settled(placed, graph, model.gravity, name)
     rows = len(state.forest)
     extend(model, enlarged, state, settled)
+    snow.join(enlarged, state, rows, added.first)
     at_rest.lean(enlarged, state, rows)
     state.objects.append(added)
     state.names.extend([added], placed)
@@ -242,6 +244,9 @@ def _extend_trees(model: Model, state: State, rows: np.ndarray) -> None:
     trees.air, trees.faded_air, trees.start_poses, trees.sizes = air, faded, poses, sizes
     for name in ('age', 'quiet', 'down'):
         setattr(trees, name, {int(rows[row]): time for row, time in getattr(trees, name).items()})
+    crowns = np.zeros((2, len(forest)))
+    crowns[:, rows[:state.snow.on_crowns.shape[1]]] = state.snow.on_crowns
+    state.snow.on_crowns = crowns
     if trees.lod is not None:
         trees.lod.renumber(rows)
     contacts.row = rows[contacts.row]

@@ -12,13 +12,14 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Scenes at rest: the state a simulation starts from, with trees that lean in the mean wind."""
+"""Scenes at rest: the state a simulation starts from, with trees bent by mean wind and snow."""
 
 import numpy as np
 
 from procphys_ros.physics.trees import anchors, Forest
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.simulation import contact, fragments, masonry, mechanisms
+from procphys_ros.scene.snow import SnowLoad
+from procphys_ros.simulation import contact, fragments, masonry, mechanisms, snow
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
@@ -31,7 +32,7 @@ _INSIDE = 0.005  # [m] smallest overlap with a wall or body that counts
 
 def lean(model: Model, state: State, first: int = 0) -> None:
     """
-    Bend trees at rest into equilibrium with the present mean wind, without gusts and eddies.
+    Bend trees at rest into equilibrium with snow and mean wind, without gusts and eddies.
 
     Overloaded joints break in the first step. Trees that would bend into walls or bodies get half
     of the wind, a quarter of it, or none: the largest share that keeps them clear.
@@ -42,7 +43,8 @@ def lean(model: Model, state: State, first: int = 0) -> None:
     forest, wind = state.forest, state.wind
     roots = forest.plan.row[forest.plan.start[:-1]]
     chosen = np.flatnonzero(roots >= first)
-    if not len(chosen) or not wind.enabled or not any(wind.mean_velocity(state.time)):
+    blows = wind.enabled and any(wind.mean_velocity(state.time))
+    if not len(chosen) or not (blows or forest.snow[first:].any()):
         return
     on_trees = not first and bool((model.trees.climbers.host_row >= 0).any())  # not later ones
     _lean(model, state, chosen, 1.0, on_trees)
@@ -84,11 +86,13 @@ def _trees_of(forest: Forest, rows: np.ndarray) -> np.ndarray:
     return np.unique(np.searchsorted(plan.row[plan.start[:-1]], forest.roots(rows)))
 
 
-def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list[str]]:
+def at_rest(model: Model, wind: WindSettings | None = None,
+            load: SnowLoad | None = None) -> tuple[State, list[str]]:
     """
-    Put a scene at rest, with its trees in the initial wind.
+    Put a scene at rest, with its trees in the initial wind, under the initial snow.
 
     :param wind: replaces the scene's wind settings.
+    :param load: replaces its snow and ice.
     :returns: the state, after the collapse of parts that cannot carry their weight, and warnings
         about it.
     """
@@ -106,6 +110,7 @@ def at_rest(model: Model, wind: WindSettings | None = None) -> tuple[State, list
         fragments.make_body(model, state, parts, state.parts.poses[parts],
                             np.zeros((len(parts), 6)))
     mechanisms.connect(model, state)
+    snow.lay(model, state, model.settings.load if load is None else load)
     lean(model, state)
     load_climbed_walls(model, state)
     state.loads.apply(state.solver, 0.0)

@@ -34,6 +34,7 @@ from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
 from procphys_ros.simulation import (
@@ -47,6 +48,7 @@ from procphys_ros.simulation import (
     masonry,
     mechanisms,
     projectiles,
+    snow,
 )
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -263,7 +265,7 @@ def apply(model: Model, state: State, command: Any) -> Any:
     Execute a command; writes the state that it concerns.
 
     :param command: one of this module, or a `MeanWind`, `Gust`, `Blow`, `Projectile`, `Explosion`,
-        `Demolition`, `Cut`, `Earthquake`, `Grow` or `DriveJoint`.
+        `Demolition`, `Cut`, `Earthquake`, `Grow`, `DriveJoint` or `SnowLoad`.
     :returns: an `Impulse`: whether the part moves (one that stands in a wall may hold); a
         `Projectile`: its part; a `Demolition`: the number of charges; a `Cut`: the number of
         joints; `ClearWrenches`: the number of wrenches; `Grow`: the number of plants; all
@@ -391,7 +393,7 @@ _ACTIONS: dict[type, Callable[[Model, State, Any], Any]] = {
     Projectile: projectiles.launch, Explosion: blasts.explode, Demolition: charges.arm,
     Cut: cutting.cut, SetBodyState: _set_body_state, PlaceIntruder: _place_intruder,
     SetThrust: _set_thrust, Observe: _observe, Grow: growth.command, Earthquake: earthquake.begin,
-    DriveJoint: mechanisms.command,
+    DriveJoint: mechanisms.command, SnowLoad: snow.begin,
 }
 
 

@@ -36,7 +36,14 @@ from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.touch import islands, Partners, resolve, slips
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
-from procphys_ros.simulation import breaking, contact_exclusions, contact_pairs, masonry, trees
+from procphys_ros.simulation import (
+    breaking,
+    contact_exclusions,
+    contact_pairs,
+    masonry,
+    sawing,
+    trees,
+)
 from procphys_ros.simulation.blows import STILL
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
@@ -216,7 +223,8 @@ def _find(model: Model, state: State, dt: float) -> Pairs:
     around = contact_pairs.Surroundings(
         state.world, model.masonry.bricks, state.standing, state.parts.body,
         model.trees.beside, model.trees.slack,
-        contact_pairs.pair_keys(contact_exclusions.colliders(state, state.excluded)),
+        contact_pairs.pair_keys(np.concatenate([
+            contact_exclusions.colliders(state, state.excluded), sawing.blades(state)])),
         model.terrain, model.trees.crowns)
     return contact_pairs.find(state.forest, state.trees.sizes, around, state.tree_bounds,
                               trees.movers(state), dt)

@@ -20,11 +20,14 @@ from procphys_ros.blueprint import GROUND
 from procphys_ros.errors import CommandError
 from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.trees.sections import hinge
 from procphys_ros.scene.strikes import Cut
 from procphys_ros.simulation import breaking, contact_exclusions, fragments, trees
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import State
+
+WEDGE = 0.025  # [m] thickness of a felling wedge
 
 
 def cut(model: Model, state: State, command: Cut) -> int:
@@ -45,15 +48,35 @@ def cut(model: Model, state: State, command: Cut) -> int:
         raise CommandError(f'{command.target} is an object: a cut through it takes a plane, '
                            'cut.point and cut.normal')
     rows = (_across(model, state, parts, np.array(command.point, float), plane, command.reach)
-            if plane.any() else _of_part(model, state, parts))
+            if plane.any() else bonds_of(model, state, parts))
     if not len(rows):
         raise CommandError(f'nothing holds {command.target}' if not plane.any() else
                            f'there is no joint of {command.target} in the plane of the cut')
-    _part(model, state, rows)
+    if command.hinge > 0.0:
+        _leave_hinges(model, state, rows, command)
+    else:
+        part(model, state, rows)
     return len(rows)
 
 
-def _of_part(model: Model, state: State, part: np.ndarray) -> np.ndarray:
+def _leave_hinges(model: Model, state: State, rows: np.ndarray, command: Cut) -> None:
+    """Cut bonds of trees but for a strip of wood each, and drive wedges into the cuts."""
+    child = model.blueprint.bonds[rows].max(axis=1)
+    if (state.parts.owner[child] != Owner.TREE).any():
+        raise CommandError(f'{command.target} is not held by wood alone; cut.hinge is for trees')
+    width = model.blueprint.bond_extent[rows, 0]
+    if command.hinge >= width.min():
+        raise CommandError(f'cut.hinge is {command.hinge:g} m, {command.target} is '
+                           f'{width.min():.3g} m thick there; it must be less')
+    segment, way = state.parts.row[child], np.array(command.towards, float)
+    ways = np.broadcast_to(way / norm(way), (len(rows), 3))
+    state.forest.saw(segment, hinge(command.hinge / width), ways)
+    state.wedges.update(zip(child.tolist(), (WEDGE / width).tolist()))
+    if state.trees.lod is not None:
+        state.trees.lod.wake(state.trees.lod.of_rows(state.forest, segment))
+
+
+def bonds_of(model: Model, state: State, part: np.ndarray) -> np.ndarray:
     """List the bonds that hold a part: of a segment of a tree, the one at its foot."""
     if state.parts.owner[part[0]] == Owner.TREE:
         row = state.parts.row[part]
@@ -87,7 +110,7 @@ def _across(model: Model, state: State, parts: np.ndarray, point: np.ndarray, no
     return rows[(above[0] != above[1]) & (norm(places - point, axis=1) <= reach)]
 
 
-def _part(model: Model, state: State, rows: np.ndarray) -> None:
+def part(model: Model, state: State, rows: np.ndarray) -> None:
     """Break bonds, and let go what they held of trees and loose pieces."""
     part = model.blueprint.bonds[rows].max(axis=1)
     owner = state.parts.owner[part]

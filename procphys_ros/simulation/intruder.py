@@ -31,7 +31,6 @@ from procphys_ros.physics.wind.downwash import COLUMNS, jet
 from procphys_ros.physics.world import BodyState, Pieces
 from procphys_ros.simulation import breaking, masonry
 from procphys_ros.simulation.model import Model
-from procphys_ros.simulation.obstacles import Obstacles
 from procphys_ros.simulation.state import IntruderState, State
 
 SMOOTHING = 0.1  # [s] time constant of the published wrench; contacts of rigid bodies jump
@@ -99,7 +98,8 @@ def advance(model: Model, state: State, dt: float) -> None:
         world.drive(own.body, own.path.pose)
         if np.abs(velocity).max() > _STILL:
             _wake(state, own, velocity, dt)
-        if len(model.masonry.bricks):
+        saws = norm(velocity[:3]) <= model.settings.saws.get(name, -1.0)
+        if len(model.masonry.bricks) and not saws:
             _press(model, state, name, velocity, dt)
     jets = [jet(own.path.pose[:3], rotation.rotate(own.path.pose[3:], own.thrust), own.disk)
             for own in state.intruders.values() if own.body >= 0 and norm(own.thrust) > 0.0]
@@ -127,7 +127,7 @@ def sum_wrench(model: Model, state: State, dt: float) -> None:
         own.smooth_wrench = own.smooth_wrench + share * (own.wrench - own.smooth_wrench)
 
 
-def _bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> np.ndarray:
+def bounds(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> np.ndarray:
     """Return bounds of its bounding sphere, swept over a step, (1, 6)."""
     table = state.world.bodies
     centre, room = table.poses[own.body, :3], table.radius[own.body]
@@ -140,16 +140,16 @@ def _wake(state: State, own: IntruderState, velocity: np.ndarray, dt: float) -> 
     """Wake resting debris within its reach, however slow it is."""
     table = state.world.bodies
     resting = np.flatnonzero(table.state == BodyState.RESTING)
-    _, hit = overlaps(_bounds(state, own, velocity, dt), table.bounds[resting])
+    _, hit = overlaps(bounds(state, own, velocity, dt), table.bounds[resting])
     state.world.thaw(resting[hit])
 
 
 def _press(model: Model, state: State, name: str, velocity: np.ndarray, dt: float) -> None:
     own = state.intruders[name]
     pose = own.path.pose
-    near = model.masonry.bricks.within(_bounds(state, own, velocity, dt), state.standing,
+    near = model.masonry.bricks.within(bounds(state, own, velocity, dt), state.standing,
                                        state.parts.body)
-    depth, normal, point = _deepest(model.intruders[name], pose, near)
+    depth, normal, point = deepest(model.intruders[name], pose, near.pose, near.size)
     parts, wrenches = [np.zeros(0, np.intp)], [np.zeros((0, 6))]
     most = max(own.pressed * (_MORE if masonry.is_stable(state) else 1.0), _FIRST)
     own.pressed = 0.0
@@ -206,17 +206,17 @@ def _drive_out(model: Model, state: State, plug: np.ndarray, speed: np.ndarray,
     return float(product(state.parts.mass[parts], product(leaving[:, :3], push)))
 
 
-def _deepest(pieces: Pieces, pose: np.ndarray,
-             near: Obstacles) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the deepest penetration of an intruder into each brick; see `touch`."""
-    depth, normal = np.zeros(len(near.pose)), np.zeros((len(near.pose), 3))
-    point = np.zeros((len(near.pose), 3))
-    if not len(near.pose):
+def deepest(pieces: Pieces, pose: np.ndarray, poses: np.ndarray,
+            sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the deepest penetration of an intruder into each box; see `touch`."""
+    depth, normal, point = np.zeros(len(poses)), np.zeros((len(poses), 3)), np.zeros(
+        (len(poses), 3))
+    if not len(poses):
         return depth, normal, point
     for is_ball, local, size in _solids(pieces):
         place = rotation.compose(pose, local)
-        found = (overlap_ball(place[:3], 0.5 * size[0], near.pose, near.size) if is_ball
-                 else overlap_box(place, size, near.pose, near.size))
+        found = (overlap_ball(place[:3], 0.5 * size[0], poses, sizes) if is_ball
+                 else overlap_box(place, size, poses, sizes))
         deeper = found[0] > depth
         for best, other in zip((depth, normal, point), found):
             best[deeper] = other[deeper]

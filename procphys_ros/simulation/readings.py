@@ -30,14 +30,14 @@ from procphys_ros.physics.foliage import Flutter
 from procphys_ros.physics.ground_motion import GroundMotion
 from procphys_ros.physics.lidar import cast, NOTHING, Pattern, pinhole, spherical
 from procphys_ros.physics.masonry import strength
-from procphys_ros.physics.trees.breaks import section_modulus
 from procphys_ros.physics.wind import Wind
 from procphys_ros.scene import SceneObject
 from procphys_ros.scene.capacity import available_memory
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.lidar import LidarSettings
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.schema import short
-from procphys_ros.simulation import intruder, mechanisms, particles
+from procphys_ros.simulation import intruder, mechanisms, particles, snow
 from procphys_ros.simulation.commands import checked_count
 from procphys_ros.simulation.events import EventLog
 from procphys_ros.simulation.ledger import Impact, MomentumLedger
@@ -114,7 +114,7 @@ def _branches(state: State, parts: np.ndarray) -> np.ndarray:
     axis = rotation.rotate(state.forest.poses[rows, 3:], np.array([0.0, 0.0, 1.0]))
     twist = np.abs((wrench[:, 3:] * axis).sum(axis=1))
     bending = np.sqrt(np.maximum(moment * moment - twist * twist, 0.0))
-    stress = bending / section_modulus(source.bond_extent[bonds, 0])
+    stress = bending / state.forest.section[rows]
     share = np.max([force / hinges.break_force, twist / hinges.break_torque,
                     stress / hinges.strength, bending / hinges.root_moment], axis=0)
     return np.column_stack([force, moment, share])
@@ -303,6 +303,22 @@ class Readings:
     def wind(self) -> Wind:
         """Return the wind."""
         return self.state.wind
+
+    @property
+    def snow_load(self) -> SnowLoad:
+        """Snow and ice on the scene, as they will be after the present change."""
+        own = self.state.snow
+        return SnowLoad(own.snow, own.ice, own.ramp)
+
+    @property
+    def snow_on_ground(self) -> float:
+        """Snow that lies on open ground now [kg/m²]."""
+        return snow.on_ground(self.state)
+
+    @property
+    def snow(self) -> np.ndarray:
+        """Mass of snow and ice that each part carries now [kg], (N,)."""
+        return snow.masses(self.model, self.state)
 
     @property
     def ground_motion(self) -> GroundMotion:

@@ -29,6 +29,7 @@ from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.schema import short
 from procphys_ros.simulation import (
@@ -97,13 +98,13 @@ class Simulation(Readings):
         Reset all objects to rest and undamaged, and the time to zero.
 
         Added objects stay where they were placed; removed ones stay removed; `revert` undoes
-        both. The wind returns to its last settings, and the observer stays.
+        both. The wind returns to its last settings; snow, ice and the observer stay.
         """
-        wind, observer = self.state.wind, self.state.observer
+        wind, observer, load = self.state.wind, self.state.observer, self.snow_load
         added, removed = self.state.added, self.state.removed
         self.close()
         self.model, self._flutter = additions.with_added(self._scene_model, added), None
-        self.state, _ = at_rest(self.model, wind.settings)
+        self.state, _ = at_rest(self.model, wind.settings, load)
         self.state.added = added
         known = {placed.name for placed in self.state.objects}
         for name in removed:
@@ -248,7 +249,7 @@ class Simulation(Readings):
         Execute a command now, before the next step.
 
         :param command: one of `simulation.commands`, or a `Gust`, `Projectile`, `Explosion`,
-            `Demolition`, `Earthquake` or `Grow`.
+            `Demolition`, `Earthquake`, `Grow` or `SnowLoad`.
         :returns: see `commands.apply`.
         :raises CommandError: if it cannot be carried out; nothing is changed then.
         """
@@ -276,6 +277,17 @@ class Simulation(Readings):
         :raises CommandError: if it has no direction.
         """
         self.apply(gust or self.model.settings.gust)
+
+    def set_snow(self, load: float, ice: float = 0.0, ramp: float = 0.0) -> None:
+        """
+        Change the snow and ice that lie on trees and buildings.
+
+        :param load: snow on open ground [kg/m²].
+        :param ice: thickness of the coat around twigs [m].
+        :param ramp: duration of the change [s]; 0 = at once.
+        :raises CommandError: if a value is out of its range.
+        """
+        self.apply(SnowLoad(load, ice, ramp))
 
     def set_observer(self, position: Sequence[float],
                      orientation: Sequence[float] = (0.0, 0.0, 0.0, 1.0)) -> None:
@@ -353,7 +365,8 @@ class Simulation(Readings):
         return self.apply(plan or Demolition())
 
     def cut(self, part: int | str, point: Sequence[float] = Cut.point,
-            normal: Sequence[float] = Cut.normal, reach: float = Cut.reach) -> int:
+            normal: Sequence[float] = Cut.normal, reach: float = Cut.reach,
+            hinge: float = Cut.hinge, towards: Sequence[float] = Cut.towards) -> int:
         """
         Saw through what holds a part, or along a plane through a part or an object.
 
@@ -361,10 +374,12 @@ class Simulation(Readings):
         :param point, normal: of the plane [m], world, (3,); a normal of zeros = no plane: a
             segment of a tree is cut off at its foot, any other part out of what it is bonded to.
         :param reach: of the blade from the point [m].
+        :param hinge: width of the strip of wood that is left to a tree [m]; 0 = none.
+        :param towards: where it falls over it, (3,), world; level.
         :returns: number of joints cut.
         :raises CommandError: if the part is unknown or gone, or there is no joint to cut.
         """
-        return self.apply(Cut(str(part), point, normal, reach))
+        return self.apply(Cut(str(part), point, normal, reach, hinge, towards))
 
     def shake(self, earthquake: Earthquake | None = None) -> None:
         """

@@ -35,6 +35,8 @@ from procphys_ros.simulation import (
     mechanisms,
     particles,
     projectiles,
+    sawing,
+    snow,
     trees,
     wall_loads,
 )
@@ -87,7 +89,9 @@ STAGES = (
     Stage('commands', commands.apply_wrenches),
     Stage('earthquake', earthquake.shake),
     Stage(growth.STAGE, growth.step),
+    Stage('snow', snow.step),
     Stage('intruder', intruder.advance),
+    Stage('saws', sawing.step),
     Stage('charges', charges.step),
     Stage('blasts', blasts.step),
     Stage('projectiles', projectiles.step),

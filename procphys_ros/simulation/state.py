@@ -190,6 +190,7 @@ class IntruderState:
     :ivar pressed: its force on them [N].
     :ivar thrust: of its rotors on it [N], (3,), in its own frame.
     :ivar disk: radius of the disk that the rotors count as [m].
+    :ivar sawn: segments that it saws and does not push in this step, (K,).
     """
 
     path: PoseInterpolator = field(default_factory=PoseInterpolator)
@@ -201,6 +202,7 @@ class IntruderState:
     pressed: float = 0.0
     thrust: np.ndarray = field(default_factory=lambda: np.zeros(3))
     disk: float = 0.0
+    sawn: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
 
 
 @dataclass
@@ -337,6 +339,34 @@ class ShakingState:
 
 
 @dataclass
+class SnowState:
+    """
+    Snow and ice on the scene, and how they change; see `SnowLoad` for what is aimed at.
+
+    :ivar snow, ice, ramp: aimed at [kg/m²], [m], and the time of the change [s].
+    :ivar before: snow before it [kg/m²].
+    :ivar began: time of its beginning [s].
+    :ivar share: of it that has come about; `told`: that buildings bear already.
+    :ivar acts: whether it goes on.
+    :ivar on_crowns: mass on every row of the forest before and after it [kg], (2, S).
+    :ivar parts: standing parts with a load, (K,).
+    :ivar on_parts: wrench on each before and after it [N], [N·m], world, (2, K, 6).
+    """
+
+    snow: float = 0.0
+    ice: float = 0.0
+    ramp: float = 0.0
+    before: float = 0.0
+    began: float = 0.0
+    share: float = 1.0
+    told: float = 1.0
+    acts: bool = False
+    on_crowns: np.ndarray = field(default_factory=lambda: np.zeros((2, 0)))
+    parts: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
+    on_parts: np.ndarray = field(default_factory=lambda: np.zeros((2, 0, 6)))
+
+
+@dataclass
 class SkylineState:
     """
     The skyline of standing parts.
@@ -394,6 +424,9 @@ class State:
     :ivar wrenches: lasting force and torque per part [N], [N·m], (6,) each.
     :ivar skyline: height of standing parts.
     :ivar shaking: the earthquake that is under way.
+    :ivar snow: snow and ice on trees and buildings.
+    :ivar kerfs: depth of saw cuts into joints of segments, and into bricks [m], by part.
+    :ivar wedges: angle by which wedges have still to open cuts [rad], by segment.
     :ivar excluded: pairs of parts without contact, see `contact_exclusions`, (K, 2).
     :ivar blueprints: parts of the scene and of all that joined since, to be chained.
     :ivar added: objects that users added and did not remove, as placed, by name.
@@ -438,6 +471,9 @@ class State:
     wrenches: dict[int, np.ndarray] = field(default_factory=dict)
     skyline: SkylineState = field(default_factory=SkylineState)
     shaking: ShakingState = field(default_factory=ShakingState)
+    snow: SnowState = field(default_factory=SnowState)
+    kerfs: dict[int, float] = field(default_factory=dict)
+    wedges: dict[int, float] = field(default_factory=dict)
     excluded: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.intp))
     blueprints: list[Blueprint] = field(default_factory=list)
     added: dict[str, Blueprint] = field(default_factory=dict)

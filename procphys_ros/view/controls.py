@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from procphys_ros.physics.wind import FASTEST
+from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.simulation.commands import SetWind
 from procphys_ros.view.clicks import effect, Strength, Tool
 from procphys_ros.view.commands import (
@@ -39,6 +40,7 @@ _USUAL_FACTOR = 4.0  # largest real-time factor of the slider, unless the source
 _FASTEST = (1.0 - 1e-12) * FASTEST  # [m/s] below the limit in spite of rounding
 _STEP, _RESET, _UNDO, _GUST = 'step', 'reset', 'undo', 'gust'
 _SHAKE = 'earthquake'
+_DEEP, _THICK = 300.0, 50.0  # [kg/m²] snow on Alpine villages, [mm] ice in the worst storms
 
 
 class Controls:
@@ -60,6 +62,7 @@ class Controls:
         self._add_tools(gui)
         self._add_time(gui, [_STEP, _RESET, *[_UNDO] * can_undo])
         self._add_wind(gui)
+        self._add_snow(gui)
         self._add_ground(gui)
         if scenes:
             self._add_scenes(gui)
@@ -146,6 +149,16 @@ class Controls:
         _on_user(self.wind.on_update, self._blow)
         _on_user(self.direction.on_update, self._blow)
         _on_user(self.gust.on_click, lambda: self._say(StartGust(self.gust_speed.value)))
+
+    def _add_snow(self, gui: Any) -> None:
+        with gui.add_folder('Snow', expand_by_default=False):
+            self.snow = gui.add_slider('snow [kg/m²]', 0.0, _DEEP, 5.0, 0.0,
+                                       hint='on open ground; trees and roofs catch their share')
+            self.ice = gui.add_slider('ice [mm]', 0.0, _THICK, 1.0, 0.0,
+                                      hint='thickness of a coat around all twigs')
+        for slider in (self.snow, self.ice):
+            _on_user(slider.on_update, lambda: self._say(
+                SnowLoad(self.snow.value, 1e-3 * self.ice.value)))
 
     def _add_ground(self, gui: Any) -> None:
         with gui.add_folder('Ground', expand_by_default=False):

@@ -59,6 +59,7 @@ A > F -> F(0.5)
 # A wall of so poor mortar that its joints crack in the wind, open and close.
 _WALL: dict[str, Any] = {
     'scene': {'objects': ['wall']}, 'wind': {'velocity': [0.0, 18.0, 0.0]},
+    'load': {'snow': 5.0},
     'wall': {'grammar_text': """
 building wall
   footprint: (0, 0) (2, 0)
@@ -77,6 +78,7 @@ axiom: F(1) ?P(0, 0, 0) ?E(light; 0) ?E(space; 0) ?E(neighbour; 0) ?E(load; 0, 0
 # Both on a hillside, where the wall has footings.
 _HILL: dict[str, Any] = {
     'scene': {'objects': ['wall', 'sapling']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'load': {'snow': 5.0},
     'intruder': {'shape': 'sphere', 'size': [0.6]},
     'terrain': {'noise': 3.0, 'wavelength': 12.0, 'extent': 24.0},
     'wall': _WALL['wall'],

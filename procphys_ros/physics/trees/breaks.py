@@ -19,24 +19,30 @@ import math
 
 import numpy as np
 
-from procphys_ros.compilation import kernel
+from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.trees.spatial import KERNEL
 
+# Further columns of `layout.Rows.swing`, 0 where nothing was sawn: direction of the bends about
+# the weakest axis, additional stiffness across it over that along it, least bend along it [rad].
+WEAK_X, WEAK_Y, SIDE, FLOOR = range(7, 11)
 # By columns of the capacities; the loads are a force [N], a torque [N·m], the bending stress
 # M/Z [Pa] and the moment at the ground [N·m].
 CAUSES = np.array([Cause.FORCE, Cause.TWIST, Cause.BENDING, Cause.UPROOTING])
 
 
 @kernel(**KERNEL)
-def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out, load_out):
+def find_overloads(rows, wrenches, frame, section, swing, stop, capacity, row_out, column_out,
+                   load_out):
     """
     Find the overloaded rows; write row, column of the capacity exceeded most, and load.
 
     :param rows: rows to test.
     :param wrenches: force and moment at the joints [N], [N·m], (S, 6).
     :param frame: frames with the segment axis last, (S, 12).
-    :param section: section modulus Z [m³], (S,).
+    :param section: section modulus Z about the weakest axis [m³], (S,).
+    :param swing: constants of the joints, see `layout`, (S, 11).
+    :param stop: directions of bends that stops hold, (S, 2).
     :param capacity: break force [N], break torque [N·m], strength [Pa], root moment [N·m], (S, 4).
     :returns: number of overloaded rows.
     """
@@ -46,6 +52,8 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out
         force = f[0] * f[0] + f[1] * f[1] + f[2] * f[2]
         twist = f[3] * frame[i, 9] + f[4] * frame[i, 10] + f[5] * frame[i, 11]
         bending = f[3] * f[3] + f[4] * f[4] + f[5] * f[5] - twist * twist
+        if swing[i, SIDE] > 0.0:
+            bending = _about_weakest(f, frame[i], swing[i], stop[i], bending)
         strong = capacity[i, 2] * section[i]
         if (force <= capacity[i, 0] ** 2 and abs(twist) <= capacity[i, 1]
                 and bending <= strong * strong and bending <= capacity[i, 3] ** 2):
@@ -62,6 +70,22 @@ def find_overloads(rows, wrenches, frame, section, capacity, row_out, column_out
                 load_out[found] = loads[j]
         found += 1
     return found
+
+
+@subroutine
+def _about_weakest(f, frame, swing, stop, bending):
+    """
+    Compute the square of the moment about the weakest axis that would bend as much.
+
+    What presses a cut shut is not borne by the wood that is left.
+    """
+    along = 0.0
+    for c in range(3):
+        along += f[3 + c] * (swing[WEAK_X] * frame[3 + c] + swing[WEAK_Y] * frame[6 + c])
+    across = max(0.0, bending - along * along)
+    if stop[0] * swing[WEAK_X] + stop[1] * swing[WEAK_Y] < 0.0:
+        along = 0.0
+    return along * along + across / (1.0 + swing[SIDE])
 
 
 @kernel

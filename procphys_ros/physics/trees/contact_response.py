@@ -305,7 +305,8 @@ def _ascend(path, rows, above, model, state, scratch):
             joints.solve_free(k, scratch.inertia, scratch.root, motion)
             continue
         v = passes.handed_on(k, above[k], rows, state.middle, motion)
-        v = joints.take_swing(i, k, 1.0, v, state.stop, state.middle, scratch.factor, scratch.jump)
+        v = joints.take_swing(i, k, 1.0, v, model.swing, state.stop, state.middle, scratch.factor,
+                              scratch.jump)
         if model.joint[i] == _SPRUNG:
             v = joints.take_extra(i, k, 1.0, v, model.extra, state.middle, scratch.factor,
                                   scratch.jump)

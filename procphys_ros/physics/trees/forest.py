@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import product
+from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     anchors,
@@ -32,18 +32,22 @@ from procphys_ros.physics.trees import (
     parallel,
     passes,
     pose,
+    sections,
     state,
     subset,
 )
 from procphys_ros.physics.trees.anchors import Anchors
+from procphys_ros.physics.trees.breaks import FLOOR, SIDE, WEAK_X, WEAK_Y
 from procphys_ros.physics.trees.buckling import buckling_shares
 from procphys_ros.physics.trees.layout import (
     ACROSS,
     ALONG,
     arrange,
+    DAMPING,
     EXTRA_PRELOAD,
     EXTRA_STIFFNESS,
     EXTRA_STRIDE,
+    HARDENING,
     LEAF_FLOW,
     LENGTH,
     MASS,
@@ -51,10 +55,13 @@ from procphys_ros.physics.trees.layout import (
     PRELOAD_Y,
     set_damping,
     STIFFNESS,
+    YIELD,
 )
 
 _SAGGED, _LEANT = 1e-12, 1e-6  # [rad], [m] change of joints at which trees are in equilibrium
 _TIME_STEP = 1.0 / 60.0  # [s], for effective masses before the first step
+_INERTIA = [MASS, ACROSS, ALONG]
+_SPRINGS = [STIFFNESS, DAMPING, HARDENING, PRELOAD_X, PRELOAD_Y]
 
 
 class Forest:
@@ -76,6 +83,7 @@ class Forest:
     :ivar bends: joint coordinates: bends about the two axes, twist [rad], stretch [m], (S, 4).
     :ivar joint_wrenches: force and moment that the parent exerts on the segment at the joint in
         its last step [N], [N·m], (S, 6), world; NaN before its first step, 0 without a joint.
+    :ivar snow: mass of snow and ice on each segment, where its own is [kg], (S,).
     """
 
     _model: state.ForestModel
@@ -102,6 +110,9 @@ class Forest:
         self._model = state.make_model(rows)
         self._joints = self._model.joint.copy()
         self._foliage = self._model.body[:, LEAF_FLOW].copy()
+        self._bare = self._model.body[:, _INERTIA]
+        self.snow = np.zeros(len(rows.part))
+        self._left = np.ones((len(rows.part), 3))
         self._state = state.make_state(len(rows.part))
         self._still = np.zeros((len(rows.part), 3))
         hinges = blueprint.hinges
@@ -166,6 +177,7 @@ class Forest:
         anchors.place(self._state, self._anchors, self._rooted)
         self._model.joint[:] = self._joints
         self._model.body[:, LEAF_FLOW] = self._foliage
+        self._model.body[:, _INERTIA], self.snow[:] = self._bare, 0.0
         self.parents = self._rooted.copy()
         self.active = np.ones(len(self.parts), bool)
         self._wind = self._still
@@ -235,7 +247,7 @@ class Forest:
         """
         rows = np.arange(len(other)) if rows is None else rows
         columns = ((*f._state, *f._model, f._section, f._capacity, f._foliage, f.active,
-                    f._disturbed) for f in (self, other))
+                    f._disturbed, f._bare, f.snow, f._left) for f in (self, other))
         for mine, theirs in zip(*columns):
             mine[rows] = theirs
         self.parents[rows[(other.parents < 0)]] = -1
@@ -243,10 +255,16 @@ class Forest:
 
     @property
     def constants(self) -> np.ndarray:
-        """Constants of all rows that growth changes, columns named in `growing`, (S, 29)."""
-        model = self._model
-        return np.hstack([model.mount, model.body, model.swing, model.extra,
-                          self._section[:, None]])
+        """Constants of all rows that growth changes, columns named in `growing`, (S, 33)."""
+        model, body = self._model, self._model.body.copy()
+        body[:, _INERTIA] = self._bare
+        swing, section = model.swing, self._section
+        if (self._left != 1.0).any():
+            swing, section = swing.copy(), section / self._left[:, 1]
+            swing[:, _SPRINGS] /= self._left[:, :1]
+            swing[:, YIELD] /= self._left[:, 1]
+            swing[:, [WEAK_X, WEAK_Y, SIDE, FLOOR]] = 0.0
+        return np.hstack([model.mount, body, swing, model.extra, section[:, None]])
 
     def change(self, rows: np.ndarray, constants: np.ndarray, leaves: np.ndarray) -> None:
         """
@@ -255,26 +273,96 @@ class Forest:
         Mass that is added is at rest: momenta stay, too. Mass that is lost takes its own along.
 
         :param rows: active rows, (K,).
-        :param constants: new ones, as in `constants`, (K, 29).
+        :param constants: new ones, as in `constants`, (K, 33).
         :param leaves: share of their leaf area left, 0 to 1, (K,).
         """
-        inertia = self._model.body[:, [MASS, ACROSS]]
+        before, cuts = (self._model.body[rows][:, _INERTIA],
+                        self._model.swing[rows][:, [WEAK_X, WEAK_Y, FLOOR]])
         for column, block in zip(self._model, growing.BLOCKS):
             column[rows] = constants[:, block]
-        slower = np.minimum(inertia[rows] / self._model.body[rows][:, [MASS, ACROSS]], 1.0)
-        for column in (self._state.velocities, self._state.carried):
-            column[rows] *= np.repeat(slower, 3, axis=1)
+        self._bare[rows] = self._model.body[rows][:, _INERTIA]
+        self._bear(rows, before)
         self._section[rows] = constants[:, growing.SECTION]
+        self._leave(rows, self._left[rows], cuts)
         self._foliage[rows] = self._model.body[rows, LEAF_FLOW]
         self.keep_leaves(rows, leaves)
         trees = np.unique(np.searchsorted(self.plan.start, self._entry[rows], side='right') - 1)
         pose.shift(self._plan, trees, self._model, self._state, np.empty(12))
 
+    def saw(self, rows: np.ndarray, section: sections.Section, ways: np.ndarray) -> None:
+        """
+        Reduce the joints of segments to what saws have left of them; what they hold sags.
+
+        :param rows: of the segments, (K,).
+        :param section: of their joints, whatever was left of them before.
+        :param ways: the kerf goes, (K, 3), world.
+        """
+        weakest, bend = self._bending(rows, ways), self._state.bend[rows, :2]
+        weakest /= np.maximum(norm(weakest, axis=1), 1e-12)[:, None]
+        left, now = self._left[rows], np.column_stack(section)
+        floor = (weakest * bend).sum(axis=1)
+        self._leave(rows, now / left, np.column_stack([weakest, floor]))
+        self._left[rows] = now
+        self._disturbed[rows] = True
+
+    def wedge(self, rows: np.ndarray, angles: np.ndarray) -> None:
+        """
+        Drive the cuts in joints further open.
+
+        :param rows: of the segments, (K,).
+        :param angles: by which they can shut less far [rad], (K,).
+        """
+        self._model.swing[rows, FLOOR] += angles
+        self._disturbed[rows] = True
+
+    def _bending(self, rows: np.ndarray, ways: np.ndarray) -> np.ndarray:
+        """Compute the bends that move segments in some directions, (K, 2)."""
+        frame = self._state.frame[rows]
+        about = np.cross(frame[:, state.AXIS:], ways)
+        return np.column_stack([(about * frame[:, start:start + 3]).sum(axis=1)
+                                for start in (state.FIRST, state.SECOND)])
+
+    def _leave(self, rows: np.ndarray, factor: np.ndarray, cuts: np.ndarray) -> None:
+        """
+        Multiply what joints bear.
+
+        :param factor: of stiffness, strength and the ratio of sides of their sections, (K, 3).
+        :param cuts: direction of the bends about their weakest axes, and the least bend in it,
+            at which the cut is shut [rad], (K, 3).
+        """
+        cut = (factor != 1.0).any(axis=1)
+        rows, factor, swing = rows[cut], factor[cut], self._model.swing
+        swing[rows[:, None], _SPRINGS] *= factor[:, :1]
+        swing[rows, YIELD] *= factor[:, 1]
+        self._section[rows] *= factor[:, 1]
+        side = np.square(factor[:, 2]) * (1.0 + swing[rows, SIDE]) - 1.0
+        swing[rows[:, None], [WEAK_X, WEAK_Y, FLOOR, SIDE]] = np.column_stack([cuts[cut], side])
+
+    def carry_snow(self, rows: np.ndarray, mass: np.ndarray) -> None:
+        """
+        Set the snow and ice on segments; what is added is at rest, what is lost moves on.
+
+        :param rows: of the segments, (K,).
+        :param mass: on each [kg], (K,).
+        """
+        before = self._model.body[rows][:, _INERTIA]
+        self.snow[rows] = mass
+        self._bear(rows, before)
+
+    def _bear(self, rows: np.ndarray, before: np.ndarray) -> None:
+        """Set what segments weigh with their snow, and slow down those that were lighter."""
+        bare = self._bare[rows]
+        now = bare * (1.0 + self.snow[rows] / bare[:, 0])[:, None]
+        self._model.body[rows[:, None], _INERTIA] = now
+        slower = np.minimum(before[:, :2] / now[:, :2], 1.0)
+        for column in (self._state.velocities, self._state.carried):
+            column[rows] *= np.repeat(slower, 3, axis=1)
+
     def balanced(self, constants: np.ndarray) -> np.ndarray:
         """
         Change all constants, reset, and return the full preloads at rest, (S, 4).
 
-        :param constants: new ones, as in `constants`; their preloads are ignored, (S, 29).
+        :param constants: new ones, as in `constants`; their preloads are ignored, (S, 33).
         """
         constants = constants.copy()
         constants[:, growing.PRELOADS] = 0.0
@@ -320,6 +408,11 @@ class Forest:
         return subset.kinetic(self.plan, trees, self._model.body, self._state)
 
     @property
+    def section(self) -> np.ndarray:
+        """Section modulus of every joint about its weakest axis [m³], (S,)."""
+        return self._section
+
+    @property
     def half_lengths(self) -> np.ndarray:
         """Half the length of every segment [m], (S,)."""
         return 0.5 * self._model.body[:, LENGTH]
@@ -341,7 +434,8 @@ class Forest:
         row, column, load = self._found
         judged = self._plan.row if self._stepped is None else self._stepped
         count = breaks.find_overloads(judged, self._state.wrenches, self._state.frame,
-                                      self._section, self._capacity, row, column, load)
+                                      self._section, self._model.swing, self._state.stop,
+                                      self._capacity, row, column, load)
         rows = row[:count].copy()
         return rows, breaks.CAUSES[column[:count]], load[:count].copy(), self.bonds[rows]
 
@@ -359,8 +453,8 @@ class Forest:
         held = np.concatenate([[0], np.cumsum(now.anchor[:, anchors.STIFFNESS] > 0.0)])
         rows = np.flatnonzero(self.active & (held[self.ends] == held[:-1]))
         row, column, load = (np.empty(len(self.parts), of) for of in (np.int64, np.int64, float))
-        count = breaks.find_overloads(rows, wrenches, now.frame, self._section, self._capacity,
-                                      row, column, load)
+        count = breaks.find_overloads(rows, wrenches, now.frame, self._section, self._model.swing,
+                                      now.stop, self._capacity, row, column, load)
         row, column = row[:count], column[:count]
         return row, breaks.CAUSES[column], load[:count] / self._capacity[row, column]
 
@@ -392,6 +486,7 @@ class Forest:
         :returns: rows, poses (K, 7) and velocities (K, 6) as they are now.
         """
         rows = self.subtree(row)
+        self._shed_snow(rows)
         taken = rows, self.poses[rows].copy(), self.velocities[rows].copy()
         self._disturb(self.parents[row])
         self.active[rows] = False
@@ -406,12 +501,17 @@ class Forest:
 
         :param row: root row of the subtree.
         """
+        self._shed_snow(self.subtree(row))
         self._disturb(self.parents[row])
         self._model.joint[row] = state.SegmentJoint.FREE
         self.parents[row] = -1
         self._state.stop[row] = 0.0
         self._state.wrenches[row] = 0.0
         self._stale = True
+
+    def _shed_snow(self, rows: np.ndarray) -> None:
+        if self.snow[rows].any():
+            self.carry_snow(rows, np.zeros(len(rows)))
 
     def keep_leaves(self, rows: np.ndarray, share: np.ndarray) -> None:
         """
@@ -535,6 +635,8 @@ class Forest:
         elastic = swing[:, STIFFNESS] * (bend[:, :2] * bend[:, :2]).sum(axis=1)
         kept = swing[:, [STIFFNESS]] * self._state.kept[moving, :2]
         elastic += (kept * self._state.kept[moving, :2]).sum(axis=1)
+        across = swing[:, WEAK_X] * bend[:, 1] - swing[:, WEAK_Y] * bend[:, 0]
+        elastic += swing[:, STIFFNESS] * swing[:, SIDE] * (across * across)
         preload = ((swing[:, [PRELOAD_X, PRELOAD_Y]] + kept) * bend[:, :2]).sum(axis=1)
         for j, c in ((2, 0), (3, EXTRA_STRIDE)):
             sprung = np.isfinite(extra[:, c + EXTRA_STIFFNESS])

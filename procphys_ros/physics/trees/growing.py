@@ -29,8 +29,8 @@ from procphys_ros.physics.trees.layout import (
     VOGEL,
 )
 
-BODY, SWING, EXTRA = 7, 15, 22
-SECTION, WIDTH = 28, 29
+BODY, SWING, EXTRA = 7, 15, 26
+SECTION, WIDTH = 32, 33
 BLOCKS = slice(0, BODY), slice(BODY, SWING), slice(SWING, EXTRA), slice(EXTRA, SECTION)
 """Columns of `Forest.constants`: those of `ForestModel`, without the joint; section modulus."""
 PRELOADS = [SWING + PRELOAD_X, SWING + PRELOAD_Y, EXTRA + EXTRA_PRELOAD,
@@ -45,7 +45,7 @@ _KEPT = [*range(BODY), BODY + VOGEL, SWING + LIMIT]
 
 
 def slight(constants: np.ndarray) -> np.ndarray:
-    """Return the constants of segments that are all but nothing, with their mounts, (K, 29)."""
+    """Return the constants of segments that are all but nothing, with their mounts, (K, 33)."""
     out = LIGHT * constants  # locked springs stay so
     out[:, _LENGTHS] = THIN * constants[:, _LENGTHS]
     out[:, _KEPT] = constants[:, _KEPT]
@@ -56,7 +56,7 @@ def ratios(one: np.ndarray, other: np.ndarray, parents: np.ndarray) -> np.ndarra
     """
     Compute how the lengths of parents differ, 1 for roots, (K, 1).
 
-    :param one, other: constants, (K, 29).
+    :param one, other: constants, (K, 33).
     :param parents: their rows there, -1 for the ground, (K,).
     """
     ratio = np.append(one[:, SPAN] / other[:, SPAN], 1.0)
@@ -92,7 +92,7 @@ def balance(constants: np.ndarray, bulge: np.ndarray, share: np.ndarray) -> None
 
     Masses and lengths change linearly, so preloads do so to the second order.
 
-    :param constants: changed in place, (K, 29 or more).
+    :param constants: changed in place, (K, 33 or more).
     :param bulge: of preloads, from `bulge`, (K, 4).
     :param share: 0 to 1, (K,).
     """

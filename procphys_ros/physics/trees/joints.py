@@ -23,6 +23,7 @@ eliminated separately, outermost first, and solved for in the opposite order.
 import math
 
 from procphys_ros.compilation import subroutine
+from procphys_ros.physics.trees.breaks import FLOOR, SIDE, WEAK_X, WEAK_Y
 from procphys_ros.physics.trees.layout import (
     DAMPING,
     EXTRA_DAMPING,
@@ -63,11 +64,14 @@ def mix(frame, i, first, second):
 
 
 @subroutine(**INLINE)
-def basis(stop, i):
-    """Return the direction of a held bend, or the first axis, and whether it is held."""
+def basis(swing, stop, i):
+    """Return the direction of a held bend, else the weakest or first one, and if it is held."""
     n1, n2 = stop[i, 0], stop[i, 1]
-    held = n1 != 0.0 or n2 != 0.0
-    return (n1 if held else 1.0), n2, held
+    if n1 != 0.0 or n2 != 0.0:
+        return n1, n2, True
+    if swing[i, SIDE] > 0.0:
+        return swing[i, WEAK_X], swing[i, WEAK_Y], False
+    return 1.0, 0.0, False
 
 
 @subroutine(**INLINE)
@@ -85,12 +89,17 @@ def give_swing(i, k, h, dt, gate, swing, bend, kept, stop, frame, a, f, limits):
     own = h * (swing[i, DAMPING] + h * stiffness)
     m1, m2 = sprung(i, swing, bend, kept)
     e1, e2 = acts * m1, acts * m2
-    n1, n2, held = basis(stop, i)
+    n1, n2, held = basis(swing, stop, i)
     j, b, m, p = read(a, k)
     x, y, z = mix(frame, i, -n2, n1)
     u = turn_slope(j, b, x, y, z)
-    inverse = 1.0 / (x * u[0] + y * u[1] + z * u[2] + own)
+    size = x * u[0] + y * u[1] + z * u[2] + own
     drive = x * p[0] + y * p[1] + z * p[2] + (n1 * e2 - n2 * e1)
+    if swing[i, SIDE] > 0.0:
+        side = swing[i, SIDE] * stiffness
+        size += h * h * side
+        drive -= acts * side * (n1 * bend[i, 1] - n2 * bend[i, 0])
+    inverse = 1.0 / size
     keep(f, k, TANGENTIAL, u, inverse, drive)
     j, b, m = eliminate(j, b, m, u, inverse)
     p = relieve(p, u, gate * inverse * drive)
@@ -158,8 +167,20 @@ def secant(i, swing, bend, kept):
 
 
 @subroutine(**INLINE)
+def shuts(i, n1, n2, swing):
+    """Return whether a direction shuts the cut in row i."""
+    return swing[i, SIDE] > 0.0 and n1 * swing[i, WEAK_X] + n2 * swing[i, WEAK_Y] < 0.0
+
+
+@subroutine(**INLINE)
 def bound(i, n1, n2, dt, swing, bend):
-    """Compute the mean outward rate that takes the bend just to its limit, at least zero."""
+    """
+    Compute the mean outward rate that takes the bend just to its limit, at least zero.
+
+    Wedges drive a cut open: then it may be negative.
+    """
+    if shuts(i, n1, n2, swing):
+        return -(swing[i, FLOOR] + n1 * bend[i, 0] + n2 * bend[i, 1]) / dt
     return max(0.0, (swing[i, LIMIT] - (n1 * bend[i, 0] + n2 * bend[i, 1])) / dt)
 
 
@@ -204,9 +225,9 @@ def add_turn(v, axis, rate):
 
 
 @subroutine(**INLINE)
-def take_swing(i, k, h, v, stop, frame, f, new):
+def take_swing(i, k, h, v, swing, stop, frame, f, new):
     """Add the bending of row i to the motion v of its parent; store h times rates."""
-    n1, n2, _ = basis(stop, i)
+    n1, n2, _ = basis(swing, stop, i)
     radial = solve_rate(f, k, RADIAL, v)
     v = add_turn(v, mix(frame, i, n1, n2), radial)
     tangential = solve_rate(f, k, TANGENTIAL, v)
@@ -240,13 +261,19 @@ def limit_changed(i, k, dt, swing, bend, stop, new, limits):
     limit = swing[i, LIMIT]
     first, second = new[k, 0], new[k, 1]
     if stop[i, 0] != 0.0 or stop[i, 1] != 0.0:
-        if stop[i, 0] * first + stop[i, 1] * second >= limits[k] * (1.0 - _TOUCH):
+        touch = -_TOUCH if limits[k] >= 0.0 else _TOUCH
+        if stop[i, 0] * first + stop[i, 1] * second >= limits[k] * (1.0 + touch):
             return False
         stop[i, 0] = 0.0  # a limit cannot pull
         stop[i, 1] = 0.0
         return True
     x = bend[i, 0] + dt * first
     y = bend[i, 1] + dt * second
+    if swing[i, SIDE] > 0.0 and (x * swing[i, WEAK_X] + y * swing[i, WEAK_Y]
+                                 < swing[i, FLOOR] - _TOUCH):
+        stop[i, 0] = -swing[i, WEAK_X]
+        stop[i, 1] = -swing[i, WEAK_Y]
+        return True
     square = x * x + y * y
     if square <= limit * limit * (1.0 + _TOUCH):
         return False

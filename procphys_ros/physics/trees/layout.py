@@ -30,6 +30,7 @@ from procphys_ros.physics.trees.breaks import section_modulus
 MASS, ACROSS, ALONG, REACH, LENGTH, CROSS_FLOW, LEAF_FLOW, VOGEL = range(8)
 # Columns of `Rows.swing`, constants of its two bending degrees of freedom.
 STIFFNESS, DAMPING, LIMIT, PRELOAD_X, PRELOAD_Y, YIELD, HARDENING = range(7)
+# The next ones are those of sawn joints, see `breaks`.
 # Columns of `Rows.extra`: the same for twist (first) and stretch (from EXTRA_STRIDE on).
 EXTRA_STIFFNESS, EXTRA_DAMPING, EXTRA_PRELOAD, EXTRA_STRIDE = range(4)
 
@@ -49,7 +50,7 @@ class Rows:
     :ivar axis: first row of the branch (axis) that the row belongs to, (S,) int.
     :ivar mount: joint frame in the parent's joint frame (world for a root) [m], (S, 7).
     :ivar body: see the column names above; SI, drag as force per speed squared, (S, 8).
-    :ivar swing: see the column names above, (S, 7).
+    :ivar swing: see the column names above, (S, 11).
     :ivar extra: twist and stretch springs, inf where locked, (S, 6).
     :ivar width: diameter at the joint [m], (S,).
     """
@@ -122,7 +123,8 @@ def _springs(hinges: Hinges, order: np.ndarray,
              section: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     nothing = np.zeros(len(hinges))
     swing = np.column_stack([hinges.swing_stiffness, hinges.swing_damping, hinges.swing_limit,
-                             nothing, nothing, hinges.yield_stress, hinges.hardening])
+                             nothing, nothing, hinges.yield_stress, hinges.hardening,
+                             nothing, nothing, nothing, nothing])
     extra = np.column_stack([hinges.twist_stiffness, hinges.twist_damping, nothing,
                              hinges.stretch_stiffness, hinges.stretch_damping, nothing])
     swing, extra = swing[order], extra[order]

@@ -223,7 +223,8 @@ def take(rows, above, model, state, scratch, frame, h):
             continue
         v = handed_on(k, above[k], rows, frame, motion)
         transmit(k, i, scratch.inertia, v, state.wrenches)
-        v = joints.take_swing(i, k, h, v, state.stop, frame, scratch.factor, scratch.rate)
+        v = joints.take_swing(i, k, h, v, model.swing, state.stop, frame, scratch.factor,
+                              scratch.rate)
         if model.joint[i] == _SPRUNG:
             v = joints.take_extra(i, k, h, v, model.extra, frame, scratch.factor, scratch.rate)
         (motion[k, 0], motion[k, 1], motion[k, 2], motion[k, 3], motion[k, 4],
@@ -290,7 +291,8 @@ def kick(rows, above, model, state, scratch, frame, dt):
         transmit(k, k, a, v, scratch.blow)
         for c in range(6):
             state.wrenches[i, c] += scratch.blow[k, c] / dt
-        v = joints.take_swing(i, k, 1.0, v, state.stop, frame, scratch.factor, scratch.jump)
+        v = joints.take_swing(i, k, 1.0, v, model.swing, state.stop, frame, scratch.factor,
+                              scratch.jump)
         if model.joint[i] == _SPRUNG:
             v = joints.take_extra(i, k, 1.0, v, model.extra, frame, scratch.factor, scratch.jump)
         for c in range(6):
@@ -302,7 +304,7 @@ def kick(rows, above, model, state, scratch, frame, dt):
 @subroutine(**KERNEL)
 def pass_on(i, k, model, stop, frame, f, p):
     """Eliminate the joint of row i from a load; return the remaining load."""
-    n1, n2, _ = joints.basis(stop, i)
+    n1, n2, _ = joints.basis(model.swing, stop, i)
     along = (frame[i, 9], frame[i, 10], frame[i, 11])
     if model.joint[i] == _SPRUNG:
         if not math.isinf(model.extra[i, EXTRA_STRIDE + EXTRA_STIFFNESS]):

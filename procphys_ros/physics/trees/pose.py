@@ -19,7 +19,8 @@ import math
 
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import functions
-from procphys_ros.physics.trees.joints import unbent
+from procphys_ros.physics.trees.breaks import FLOOR, SIDE, WEAK_X, WEAK_Y
+from procphys_ros.physics.trees.joints import shuts, unbent
 from procphys_ros.physics.trees.layout import LIMIT, REACH, STIFFNESS
 from procphys_ros.physics.trees.spatial import INLINE, KERNEL
 from procphys_ros.physics.trees.state import SegmentJoint
@@ -187,6 +188,12 @@ def advance_bend(i, first, second, dt, model, state):
     x = bend[i, 0] + dt * first
     y = bend[i, 1] + dt * second
     limit, square = model.swing[i, LIMIT], x * x + y * y
+    if model.swing[i, SIDE] > 0.0:
+        short = model.swing[i, FLOOR] - x * model.swing[i, WEAK_X] - y * model.swing[i, WEAK_Y]
+        if short > 0.0:
+            x += short * model.swing[i, WEAK_X]
+            y += short * model.swing[i, WEAK_Y]
+            square = x * x + y * y
     if square > limit * limit:
         shrink = limit / math.sqrt(square)
         m1, m2 = unbent(i, model.swing, state.kept)
@@ -195,7 +202,8 @@ def advance_bend(i, first, second, dt, model, state):
         x *= shrink
         y *= shrink
         square = limit * limit
-    if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and square > 0.0:
+    if (stop[i, 0] != 0.0 or stop[i, 1] != 0.0) and square > 0.0 and not shuts(
+            i, stop[i, 0], stop[i, 1], model.swing):
         size = math.sqrt(square)
         stop[i, 0] = x / size
         stop[i, 1] = y / size

@@ -41,7 +41,7 @@ class ForestModel(NamedTuple):
 
     mount: np.ndarray   # (S, 7)
     body: np.ndarray    # (S, 8)
-    swing: np.ndarray   # (S, 7)
+    swing: np.ndarray   # (S, 11)
     extra: np.ndarray   # (S, 6)
     joint: np.ndarray   # `SegmentJoint`, (S,); changes when a part is released
 

@@ -18,6 +18,7 @@ void main() {
     colour = mix(colour, grass * vec3(1.12, 0.94, 0.90), 0.8 * bare);
     colour *= 0.56 + 0.36 * tuft.x + 0.24 * blade.y + 0.24 * sward.z;
     vec3 facing = normalize(normal);
+    colour = snowed(colour, facing, world, 1.0);
     float lit = max(dot(facing, sun), 0.0) * sunlit(world, facing, gl_FragCoord.xy);
     float far = exp(-length(world.xy - eye.xy) / (0.35 * visibility));
     pixel = vec4(mix(sky_low, colour * (lit * sunshine + skylight), far), 1.0);

@@ -10,6 +10,7 @@ void main() {
     vec4 grain = texture(noise, place / 0.9);
     vec3 colour = paving * (0.74 + 0.22 * wide.x + 0.18 * stain.y + 0.16 * grain.z);
     vec3 facing = normalize(normal);
+    colour = snowed(colour, facing, world, 1.0);
     float lit = max(dot(facing, sun), 0.0) * sunlit(world, facing, gl_FragCoord.xy);
     float far = exp(-length(world.xy - eye.xy) / (0.35 * visibility));
     pixel = vec4(mix(sky_low, colour * (lit * sunshine + skylight), far), 1.0);

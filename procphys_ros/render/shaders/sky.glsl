@@ -6,6 +6,7 @@ uniform vec3 bounce;          // and from the ground below
 uniform vec3 sky_low, sky_high;
 uniform float clouds;         // share of the sky, 0 to 1
 uniform float visibility;     // [m]
+uniform float snow;           // 0 to 1, that lies on level surfaces
 uniform vec3 eye;             // [m]
 uniform mat4 to_shadow;
 uniform float texel;          // of the shadow map, over its side
@@ -55,6 +56,14 @@ float sunlit(vec3 place, vec3 facing, vec2 seed) {
     lit += texture(shadow_map, vec3(where.xy + 2.4 * b, where.z));
     lit += texture(shadow_map, vec3(where.xy - 2.4 * b, where.z));
     return 0.2 * lit;
+}
+
+// Snow hides what is level, and slides off what is steep; where it is thin it has holes.
+vec3 snowed(vec3 colour, vec3 facing, vec3 place, float open) {
+    if (snow <= 0.0) return colour;
+    float deep = 1.6 * snow * open - 0.6 * texture(noise, place.xy / 1.3).x;
+    return mix(colour, vec3(0.88, 0.90, 0.93), clamp(deep, 0.0, 1.0)
+               * smoothstep(0.5, 0.87, facing.z));
 }
 
 vec3 hazed(vec3 colour, vec3 place) {

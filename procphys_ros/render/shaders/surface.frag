@@ -38,7 +38,8 @@ void main() {
     vec4 paint = plain ? vec4(1.0) : texture(image, uv, -2.0);
     if (paint.a < 0.45) discard;
     // Leaves know what shades them: no need to guess it from the depths around, see compose.frag.
-    pixel = vec4(hazed(tone * paint.rgb * leaf_light, world), 0.0);
+    vec3 flat_ = vec3(0.0, 0.0, abs(normalize(normal).z));
+    pixel = vec4(hazed(snowed(tone * paint.rgb, flat_, world, share.y) * leaf_light, world), 0.0);
 #else
     vec4 paint = paint_of(uv);
     vec3 facing = normalize(normal);
@@ -47,7 +48,7 @@ void main() {
     if (lit > 0.0) lit *= sunlit(world, facing, gl_FragCoord.xy);
     float up = 0.5 + 0.5 * facing.z;
     vec3 light = lit * sunshine + up * share.y * skylight + (1.0 - up) * bounce;
-    vec3 colour = tone * paint.rgb * light;
+    vec3 colour = snowed(tone * paint.rgb, facing, world, share.y) * light;
     float cover = opacity;
     if (opacity < 1.0) {      // glass: the flatter the view, the more it mirrors (Schlick)
         vec3 mirrored = reflect(-towards, facing);
