@@ -101,14 +101,15 @@ def test_panels():
     kinds = _refusal(_SHED.replace('boards(oak)', '1 + 2')).partition(' layout, or ')[2]
     assert list(rows) == re.sub(r'\([^)]*\)', '', kinds).split(', ')
     for kind, row in rows.items():
-        count = len([name for name in row[1].split(',') if name])
-        refusal = _refusal(_SHED.replace('boards(oak)', f'{kind}(oak, oak, oak)'))
+        words = [name.strip() for name in row[1].split(',') if name]
+        count = len([name for name in words if name not in ('from', 'to')])
+        refusal = _refusal(_SHED.replace('boards(oak)', f'{kind}({", ".join(6 * ["oak"])})'))
         if kind == 'arch':
             shapes = re.findall(r'^\| `(\w+(?:\(\w+\))?)`', _PAGE.split('| shape of an arch')[1]
                                 .split('\n\n')[0], re.MULTILINE)
             assert refusal.endswith(f'(shapes: {", ".join(shapes)})')
             continue
-        assert f'takes {("no", "one name", "2")[count]}' in refusal
+        assert f'takes {("no", "one name", "2", "3")[count]}' in refusal
 
 
 def test_layouts():

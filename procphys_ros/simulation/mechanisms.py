@@ -34,6 +34,7 @@ from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import MechanismState, State
 
 ENGINE = 'native'  # that has joints
+_LAYER = 'hinges'
 _NEGLIGIBLE = 0.05  # [m/s²] by the wind, which wakes no plate, 0.5 % of gravity
 _ALONG = (JointType.HINGE, JointType.SLIDER, JointType.ROPE)  # kinds with one displacement
 _DRIVEN = (JointType.HINGE, JointType.SLIDER)
@@ -306,6 +307,24 @@ def break_overloaded(model: Model, state: State, dt: float) -> None:
     causes = np.where(share[:, 1] > share[:, 0], Cause.TWIST, Cause.FORCE)
     breaking.break_joints(model, state, alive[broken], causes)
     contact_exclusions.update(model, state)
+
+
+def press_hosts(model: Model, state: State, dt: float) -> None:
+    """Load the standing parts that mechanisms hang on with the forces of the joints."""
+    joints, own = model.blueprint.joints, state.mechanisms
+    host = joints.parts[:, 0]
+    rows = np.flatnonzero((host != GROUND) & (own.joint >= 0))
+    rows = rows[state.parts.owner[host[rows]] == Owner.STANDING]
+    if not len(rows) and _LAYER not in state.loads.sources:
+        return
+    host, hung, ids = host[rows], state.parts.body[joints.parts[rows, 1]], own.joint[rows]
+    bodies, place = state.world.bodies, joints.frame[rows, :3]  # hosts stand where they were built
+    force, moment = -state.world.joints.force[ids], -state.world.joints.moment[ids]
+    rests = bodies.state[hung] == BodyState.RESTING  # its joints are not solved
+    force[rests] = bodies.mass[hung[rests], None] * [0.0, 0.0, -model.gravity]
+    moment[rests] = np.cross(bodies.poses[hung[rests], :3] - place[rests], force[rests])
+    moment += np.cross(place - state.parts.poses[host, :3], force)
+    state.loads.follow(_LAYER, host, np.hstack([force, moment]))
 
 
 def torn(model: Model, state: State) -> np.ndarray:

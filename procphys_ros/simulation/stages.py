@@ -112,6 +112,7 @@ STAGES = (
     Stage('engine', step_rigid_bodies),
     Stage('bounces', projectiles.take_back),
     Stage('joint breaks', mechanisms.break_overloaded),
+    Stage('hinges', mechanisms.press_hosts),
     Stage('intruder wrench', intruder.sum_wrench),
     Stage('body poses', fragments.write_poses),
     Stage('debris', wall_loads.press_debris),

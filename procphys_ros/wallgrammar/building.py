@@ -29,7 +29,7 @@ from procphys_ros.language import (
     read_text,
     resolve_defines,
 )
-from procphys_ros.wallgrammar import bodies, contacts, corners, polygons, references
+from procphys_ros.wallgrammar import bodies, contacts, corners, hinged, polygons, references
 from procphys_ros.wallgrammar.assembly import (
     assemble,
     corners_of,
@@ -143,4 +143,5 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
         patches.append(fastened(polygons.meet(solids, cut, reach, nailed), boxes))
         solids = solids[cut]
     check_connected(boxes, patches, frames, site)
-    return assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)
+    built = assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)
+    return hinged.hang(built, site.hung, frames, grammar.materials)

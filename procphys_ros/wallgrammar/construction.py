@@ -24,6 +24,27 @@ from procphys_ros.wallgrammar.boxes import Boxes, SPAN, split_along, stack
 from procphys_ros.wallgrammar.materials import Material
 
 
+@dataclass(frozen=True)
+class HungLeaf:
+    """
+    Leaf of a door or a shutter, hung on hinges.
+
+    :ivar box: the leaf, shut; a single row.
+    :ivar pin: the axis of its hinges, from its lower to its upper end; likewise.
+    :ivar post: part that it hangs on.
+    :ivar outwards: sense of the turn about the upward vertical that opens it, 1 or -1.
+    :ivar limits: how far it opens inwards, negative, and outwards [rad].
+    :ivar name: of its kind.
+    """
+
+    box: Boxes
+    pin: Boxes
+    post: int
+    outwards: int
+    limits: tuple[float, float]
+    name: str
+
+
 @dataclass
 class Site:
     """
@@ -37,6 +58,7 @@ class Site:
     :ivar frames: pose of each frame in the building [m], 7 each; upright frames come first.
     :ivar patches: bonds between parts of different frames.
     :ivar forms: corners of the parts that are hexahedra, in their frames [m], (8, 3) each.
+    :ivar hung: doors and shutters on their hinges.
     :ivar count: parts so far.
     """
 
@@ -48,6 +70,7 @@ class Site:
     frames: list[np.ndarray] = field(default_factory=list)
     patches: list[Patches] = field(default_factory=list)
     forms: list[np.ndarray] = field(default_factory=list)
+    hung: list[HungLeaf] = field(default_factory=list)
     count: int = 0
     _boxes: list[Boxes] = field(default_factory=list)
     _members: int = 0

@@ -24,13 +24,13 @@ from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.footprint import Facade
 
 _FRAME_FACE = 50_000     # [µm] face width of frames
-_FRAME_DEPTH = 70_000    # [µm]
+FRAME_DEPTH = 70_000    # [µm]
 _PANE = 6_000            # [µm] glass
 _LIGHT = (1_200_000, 1_800_000)  # [µm] widest and highest pane; beyond it bars divide the window
 _BOARD = (150_000, 40_000)       # [µm] widest board of a door, and its thickness
 _BOARD_PIECE = 750_000   # [µm] boards splinter into pieces of this length
 _BEAM_PIECE = 1_500_000  # [µm] beams likewise
-_CLEARANCE = 5_000       # [µm] under a door
+CLEARANCE = 5_000        # [µm] under a door
 
 
 class Wall(NamedTuple):
@@ -66,7 +66,7 @@ def glazing(wall: Wall, piece: Piece, frame: str, glass: str) -> None:
     left, right = scope.left + half + _FRAME_FACE, scope.right - half - _FRAME_FACE
     bottom, top = scope.bottom + wall.joint + _FRAME_FACE, scope.top - _FRAME_FACE
     _check_room(piece, left, right, bottom, top)
-    near, far = _middle(scope.depth, wall.thickness, _FRAME_DEPTH)
+    near, far = middle(scope.depth, wall.thickness, FRAME_DEPTH)
     columns, rows = (-(-(right - left) // _LIGHT[0]), -(-(top - bottom) // _LIGHT[1]))
     x = _bars(left, right, columns)
     z = _bars(bottom, top, rows)
@@ -78,7 +78,7 @@ def glazing(wall: Wall, piece: Piece, frame: str, glass: str) -> None:
     bars += [_bar(a, low, b, high, near, far, 0, 2)
              for low, high in lights for a, b in zip(x[1::2], x[2::2])]
     _add(wall, bars, 'frame', frame)
-    near, far = _middle(scope.depth, wall.thickness, _PANE)
+    near, far = middle(scope.depth, wall.thickness, _PANE)
     _add(wall, [_bar(a, low, b, high, near, far, 0, 0)
                 for low, high in lights for a, b in zip(x[0::2], x[1::2])], 'pane', glass)
 
@@ -91,19 +91,32 @@ def door(wall: Wall, piece: Piece, material: str) -> None:
     :param piece: the panel.
     :param material: of boards and frame.
     """
+    left, right, top = door_frame(wall, piece, material)
+    bottom = piece.scope.bottom + CLEARANCE
+    near, far = middle(piece.scope.depth, wall.thickness, _BOARD[1])
+    lines = np.rint(np.linspace(left, right, -(-(right - left) // _BOARD[0]) + 1)).astype(int)
+    _add(wall, [_bar(a, bottom, b, top, near, far, 0, 2) for a, b in zip(lines, lines[1:])],
+         'board', material, _BOARD_PIECE)
+
+
+def door_frame(wall: Wall, piece: Piece, material: str) -> tuple[int, int, int]:
+    """
+    Put a frame open at the bottom into a panel, first its left and its right post.
+
+    :param wall: around it.
+    :param piece: the panel.
+    :param material: of the frame.
+    :returns: left, right and top of the opening in it [µm], in the facade.
+    """
     scope = piece.scope
     half = wall.joint // 2
     left, right = scope.left + half + _FRAME_FACE, scope.right - half - _FRAME_FACE
     top = scope.top - _FRAME_FACE
-    bottom = scope.bottom + _CLEARANCE
-    _check_room(piece, left, right, bottom, top)
-    near, far = _middle(scope.depth, wall.thickness, _FRAME_DEPTH)
+    _check_room(piece, left, right, scope.bottom + CLEARANCE, top)
+    near, far = middle(scope.depth, wall.thickness, FRAME_DEPTH)
     _add(wall, [*_jambs(piece, left, right, near, far, wall.joint),
                 _bar(left, top, right, scope.top, near, far, 0, 0)], 'frame', material)
-    near, far = _middle(scope.depth, wall.thickness, _BOARD[1])
-    lines = np.rint(np.linspace(left, right, -(-(right - left) // _BOARD[0]) + 1)).astype(int)
-    _add(wall, [_bar(a, bottom, b, top, near, far, 0, 2) for a, b in zip(lines, lines[1:])],
-         'board', material, _BOARD_PIECE)
+    return left, right, top
 
 
 def beam(wall: Wall, piece: Piece, material: str, kind: str) -> None:
@@ -133,7 +146,7 @@ def _check_room(piece: Piece, left: int, right: int, bottom: int, top: int) -> N
             f'{_FRAME_FACE / 1e6:g} m on each side')
 
 
-def _middle(depth: int, thickness: int, wanted: int) -> tuple[int, int]:
+def middle(depth: int, thickness: int, wanted: int) -> tuple[int, int]:
     """Centre a depth in the thickness of the wall; return near and far face [µm]."""
     wanted = min(wanted, thickness)
     near = depth + (thickness - wanted) // 2

@@ -178,6 +178,8 @@ class _SpecReader(GrammarReader):
         kind = str(kind)
         if kind == 'arch':
             return self.arch(str(name), arguments, place)
+        if kind in ('door', 'shutters'):
+            return self.hung(str(name), kind, arguments, place)
         # Any other name may be a layout, of this file or of another: see `check_panel`.
         wanted = _PANEL_KINDS.get(kind, len(arguments))
         if len(arguments) != wanted:
@@ -216,6 +218,26 @@ class _SpecReader(GrammarReader):
         known = {*self.known, *SCOPE_NAMES}
         return Panel(name, 'arch', tuple(str(m.children[0]) for m in materials), place, str(form),
                      tuple(self.expression(n, known) for n in (*numbers, rings)))
+
+    def hung(self, name: str, kind: str, arguments: list[Node], place: Place) -> Panel:
+        """Read materials, the side of the hinges and the range of a door or of shutters."""
+        names = 2 if kind == 'door' else 3
+        if len(arguments) not in (names, names + 2):
+            raise place.error(f'"{kind}" takes {names} names, and two numbers or none, found '
+                              f'{len(arguments)} arguments (kinds: {KINDS_OF_PANELS})')
+        for argument in arguments[:names]:
+            if argument.data != 'variable':
+                raise self.place(argument).error('expected a name here')
+        words = [str(argument.children[0]) for argument in arguments[:names]]
+        side = ''
+        if kind == 'door':
+            side = words.pop()
+            if side not in ('left', 'right'):
+                raise self.place(arguments[1]).error(
+                    f'a door hangs on its left or its right side, found "{side}"')
+        known = {*self.known, *SCOPE_NAMES}
+        return Panel(name, kind, tuple(words), place, side, tuple(
+            self.expression(number, known) for number in arguments[names:]))
 
     def rule(self, node: Node) -> Rule:
         name, formals, condition, successor, weight = node.children

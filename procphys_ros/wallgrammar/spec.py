@@ -19,8 +19,9 @@ from typing import TypeAlias
 
 from procphys_ros.language import Entry, Expression, Place
 
-KINDS_OF_PANELS = ('boards(material), glazing(frame, glass), beam(material), none, '
-                   'arch(shape, rings)')  # beside layouts, for messages
+KINDS_OF_PANELS = ('boards(material), door(material, side, from, to), '
+                   'shutters(frame, glass, material, from, to), glazing(frame, glass), '
+                   'beam(material), none, arch(shape, rings)')  # beside layouts, for messages
 Successor: TypeAlias = 'Call | Split | Border | Grid | Extrude | Insert'
 
 
@@ -119,11 +120,12 @@ class Rule:
 @dataclass(frozen=True)
 class Panel:
     """
-    Definition of a terminal: a layout, `boards`, `glazing`, `beam`, `arch` or `none`.
+    Definition of a terminal: a layout, `boards`, `glazing`, `beam`, `arch`, `door`, … or `none`.
 
     :ivar arguments: names of materials.
-    :ivar shape: of an arch.
-    :ivar numbers: of an arch: parameters of its shape, and its number of rings.
+    :ivar shape: of an arch; or the side of a door's hinges.
+    :ivar numbers: of an arch: parameters of its shape, and its number of rings; of a door or
+        shutters: how far they open [degrees].
     """
 
     name: str

@@ -39,7 +39,7 @@ _RANGES = {
 }
 # Materials that arches are not built of.
 _NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'bearing', 'mortar')
-_KINDS = ('boards', 'glazing', 'beam', 'arch', 'none')  # of panels, beside layouts
+_KINDS = ('boards', 'glazing', 'beam', 'arch', 'none', 'door', 'shutters')  # beside layouts
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
 _JOINT = 0.01     # [m] when a layout names none

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.wallgrammar import arching, piers
+from procphys_ros.wallgrammar import arching, hinged, piers
 from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import Joint
 from procphys_ros.wallgrammar.construction import Site
@@ -244,6 +244,10 @@ class Elevation:
                 glazing(wall, piece, *panel.arguments)
             elif panel.kind == 'boards':
                 door(wall, piece, *panel.arguments)
+            elif panel.kind == 'door':
+                hinged.door(wall, piece, panel.arguments[0], panel.shape)
+            elif panel.kind == 'shutters':
+                hinged.shutters(wall, piece, *panel.arguments)
             elif panel.kind == 'beam':
                 scope, kind = self._bearings[i]
                 beam(wall, piece._replace(scope=scope), panel.arguments[0], kind)
