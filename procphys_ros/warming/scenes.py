@@ -77,7 +77,8 @@ axiom: F(1) ?P(0, 0, 0) ?E(light; 0) ?E(space; 0) ?E(neighbour; 0) ?E(load; 0, 0
 """}}
 # Both on a hillside, where the wall has footings.
 _HILL: dict[str, Any] = {
-    'scene': {'objects': ['wall', 'sapling']}, 'wind': {'velocity': [0.0, 8.0, 0.0]},
+    'scene': {'objects': ['wall', 'sapling']},
+    'wind': {'velocity': [0.0, 8.0, 0.0], 'hills': True},
     'load': {'snow': 5.0},
     'intruder': {'shape': 'sphere', 'size': [0.6]},
     'terrain': {'noise': 3.0, 'wavelength': 12.0, 'extent': 24.0},

@@ -48,6 +48,7 @@ class WindSettings:
     :ivar reference_height: height of `velocity` [m]; it also determines the size of the eddies.
     :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
     :ivar shelter: whether trees and buildings reduce the wind in their lee.
+    :ivar hills: whether the ground shapes the wind.
     :ivar zones: boxes in which the wind differs, each as `zones.WindZone` in words.
     :ivar map: table of how the wind differs by place; '' = none.
     :ivar file: record of the mean wind to follow in place of `velocity`; '' = none.
@@ -69,6 +70,8 @@ class WindSettings:
     shelter: bool = declared(
         False, 'whether stands of trees and buildings, as they were built, shelter what is in '
         'their lee')
+    hills: bool = declared(
+        False, 'whether the terrain makes the wind faster over crests and slower in hollows')
     zones: Sequence[str] = declared(
         (), 'boxes in which the wind differs, each "name=value …" with position=x,y,z of the '
         'middle [m, z from the ground], size=x,y,z [m], yaw [rad], fade beyond the faces [1 m], '

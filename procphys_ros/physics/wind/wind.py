@@ -27,6 +27,7 @@ from procphys_ros.geometry.linear import norm, product
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import downwash, kernel, spectra
 from procphys_ros.physics.wind.eddies import DRIFT, Eddies, make_boxes
+from procphys_ros.physics.wind.hills import Hills, LEVEL
 from procphys_ros.physics.wind.history import History
 from procphys_ros.physics.wind.settings import (
     Gust,
@@ -95,6 +96,7 @@ class Wind:
     """
 
     _terrain: Terrain
+    _hills: Hills
     settings: WindSettings
     shelter: Shelter
     _history: History
@@ -105,6 +107,7 @@ class Wind:
         self._seed = seed
         self._record = record
         self._nodes = map_nodes(by_place)
+        self._hills = LEVEL
         self.change(settings)
         self.shelter = Shelter()
         self.reset()
@@ -127,6 +130,8 @@ class Wind:
         """
         self.settings = settings
         self.zones = zone_rows(settings.zones)
+        if settings.hills and self._hills is LEVEL:
+            self._hills = Hills.over(self._terrain)
 
     def prepare(self) -> None:
         """Generate the eddies now, if turbulence is enabled, instead of on first use."""
@@ -215,6 +220,8 @@ class Wind:
                 points = points - self._terrain.height(points)[:, None] * [0.0, 0.0, 1.0]
             self._fill(points, time, out, intensity, gusts, threads,
                        len(self.zones) > 0 or self._nodes.size > 0)
+            if s.hills:
+                self._hills.bend(points, out)
             if s.shelter:
                 self.shelter.apply(points, out, np.asarray(self._history.velocity(time)),
                                    self._profile(), s.roughness_length)
