@@ -136,15 +136,15 @@ class Interior:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
         if call.name != 'spire':
-            self._check_plan(call, key)
+            self._check_plan(call, key, call.name not in ('hip', 'gable'))
         return call.name, value
 
-    def _check_plan(self, call: Call, key: str) -> None:
-        """Check that timber fits the plan: closed, with right angles only."""
+    def _check_plan(self, call: Call, key: str, square: bool) -> None:
+        """Check that timber fits the plan: closed, and of right angles where these are needed."""
         if len(self.plan.facades) < 3:
             raise call.place.error(f'{key}: {call.name} needs a closed footprint, found a free '
                                    f'wall; use none here')
-        if not self.plan.right_angled:
+        if square and not self.plan.right_angled:
             x, y = self.plan.points[self.plan.least_right]
             raise call.place.error(
                 f'{key}: {call.name} needs a footprint with right angles only, to within 2 '

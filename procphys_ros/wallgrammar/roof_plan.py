@@ -20,10 +20,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.elementary import hypot
+from procphys_ros.elementary import atan2, hypot
 
 EVERYWHERE = -1.0e3  # [m] where fields begin that reach out over the eaves
 _SAME = 2e-6       # [m] points this near are one: plans are in whole micrometres
+_LOST = 1e-6       # of the area of a plan: most that its faces may miss or cover twice
 _STILL = 1e-9      # m of a vertex per m of its edges, that counts as none
 
 
@@ -32,7 +33,7 @@ class Edge(NamedTuple):
     End of a field along the eaves: at + way · u, with u the distance from the eaves in plan.
 
     :ivar at: [m].
-    :ivar way: 0 at gables; over right angles 1 or -1, towards the field or away from it.
+    :ivar way: 0 at gables; positive at the start, negative at the end of a field that narrows.
     """
 
     at: float
@@ -57,6 +58,20 @@ class Field(NamedTuple):
     end: Edge
 
 
+class Strip(NamedTuple):
+    """
+    Part of a face between two places along its eaves, at which a rafter begins and ends.
+
+    :ivar start, end: along the eaves [m].
+    :ivar foot, head: distances from the eaves at both ends [m], (2,) each.
+    """
+
+    start: float
+    end: float
+    foot: tuple[float, float]
+    head: tuple[float, float]
+
+
 class Arc(NamedTuple):
     """
     Line where two faces meet.
@@ -64,6 +79,7 @@ class Arc(NamedTuple):
     :ivar start, end: in plan, the lower end first [m], (2,).
     :ivar low, high: their distances from the eaves [m]; the same at ridges.
     :ivar valley: whether water runs towards it.
+    :ivar planes: of the two faces.
     """
 
     start: np.ndarray
@@ -71,6 +87,7 @@ class Arc(NamedTuple):
     low: float
     high: float
     valley: bool
+    planes: tuple[int, int]
 
 
 class NoRoofError(ValueError):
@@ -91,17 +108,19 @@ class RoofPlan:
     :ivar points: corners, counter-clockwise [m], (n, 2).
     :ivar gables: edges that stand still.
     :ivar ways, normals: directions of the edges, and at right angles inwards, (n, 2).
-    :ivar turns: sines of the turns at the corners, where edges begin, (n,).
+    :ivar turns: angles between edges at the corners where they begin, left positive [rad], (n,).
     :ivar plane: first edge in the same line, (n,).
     :ivar edges: without those in one line with the one before.
     :ivar faces: fields by plane; along the eaves 0 is the start of the plane's first edge.
     :ivar arcs: lines between faces, without those at gables.
+    :ivar lowest_top: least distance from the eaves where a ridge or a point is left [m].
     """
 
     points: np.ndarray
     gables: frozenset[int] = frozenset()
     faces: dict[int, list[Field]] = field(default_factory=dict)
     arcs: list[Arc] = field(default_factory=list)
+    lowest_top: float = np.inf
     _between: dict[tuple[int, int], list[int]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -109,7 +128,8 @@ class RoofPlan:
         self.ways = edges / hypot(*edges.T)[:, None]
         self.normals = np.column_stack([-self.ways[:, 1], self.ways[:, 0]])
         before = np.roll(self.ways, 1, axis=0)
-        self.turns = before[:, 0] * self.ways[:, 1] - before[:, 1] * self.ways[:, 0]
+        self.turns = atan2(before[:, 0] * self.ways[:, 1] - before[:, 1] * self.ways[:, 0],
+                           (before * self.ways).sum(axis=1))
         self.lines = (self.normals * self.points).sum(axis=1)
         self.speeds = np.array([float(i not in self.gables) for i in range(len(edges))])
         alike = ((np.abs(self.normals[:, None] - self.normals) < _STILL).all(axis=2)
@@ -125,8 +145,51 @@ class RoofPlan:
             loops = [part for loop in loops for part in self._cut(loop, after)]
             time = after
             if not loops:
-                return
-        raise NoRoofError
+                break
+        ends = np.roll(self.points, -1, axis=0)
+        whole = 0.5 * (self.points[:, 0] * ends[:, 1] - self.points[:, 1] * ends[:, 0]).sum()
+        if loops or abs(self._area() - whole) > _LOST * whole:
+            raise NoRoofError
+
+    def _area(self) -> float:
+        """Compute the area of all faces in plan, without what goes on below the eaves [m²]."""
+        return sum(0.5 * (f.high - low) * sum(f.end.place(u) - f.start.place(u)
+                                              for u in (low, f.high))
+                   for fields in self.faces.values() for f in fields for low in [max(f.low, 0.0)])
+
+    def local(self, edge: int, places: np.ndarray) -> np.ndarray:
+        """Return places along an edge from its start, and at right angles inwards [m], (…, 2)."""
+        away = places - self.points[edge]
+        return np.stack([(away * self.ways[edge]).sum(axis=-1),
+                         (away * self.normals[edge]).sum(axis=-1)], axis=-1)
+
+    def strips(self, plane: int, overhang: float) -> list[Strip]:
+        """
+        Divide a face into strips up the slope.
+
+        Faces of straight skeletons have one foot and one head at each place along the eaves.
+
+        :param plane: of the face.
+        :param overhang: how far faces go on below the eaves [m].
+        """
+        fields = [f._replace(low=max(f.low, -overhang)) for f in self.faces[plane]]
+        places = np.unique([round(edge.place(u), 9) for f in fields for edge in (f.start, f.end)
+                            for u in (f.low, f.high)])
+        places = places[np.diff(places, prepend=-np.inf) > _SAME].tolist()
+        found: list[Strip] = []
+        for start, end in zip(places, places[1:]):
+            spans = [span for f in fields if (span := _between(f, start, end)) is not None]
+            if not spans:
+                continue
+            foot = min((foot for foot, _ in spans), key=sum)
+            head = max((head for _, head in spans), key=sum)
+            new = Strip(start, end, foot, head)
+            if found and _in_line(found[-1], new):
+                found[-1] = Strip(found[-1].start, end, (found[-1].foot[0], foot[1]),
+                                  (found[-1].head[0], head[1]))
+            else:
+                found.append(new)
+        return found
 
     def outline(self, loop: Sequence[int], time: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -190,8 +253,9 @@ class RoofPlan:
                 self._add(plane, Field(low or EVERYWHERE, high, start, end))
             if self.gables.isdisjoint((edge, loop[k - 1])):
                 a, b = self.ways[loop[k - 1]], self.ways[edge]
-                self._extend((int(self.plane[loop[k - 1]]), plane), Arc(
-                    points[k], later[k], low, high, bool(a[0] * b[1] - a[1] * b[0] < 0.0)))
+                self._extend(Arc(
+                    points[k], later[k], low, high, bool(a[0] * b[1] - a[1] * b[0] < 0.0),
+                    (int(self.plane[loop[k - 1]]), plane)))
 
     def _add(self, plane: int, new: Field) -> None:
         """Add a field to a face, or go on with one below it whose ends are the same."""
@@ -203,14 +267,14 @@ class RoofPlan:
                 return
         fields.append(new)
 
-    def _extend(self, planes: tuple[int, int], new: Arc) -> None:
+    def _extend(self, new: Arc) -> None:
         """Add a line between two planes, or go on with one that ends where it begins."""
-        for i in self._between.setdefault(planes, []):
+        for i in self._between.setdefault(new.planes, []):
             old = self.arcs[i]
             if old.high == new.low and (np.abs(old.end - new.start) < _SAME).all():
                 self.arcs[i] = old._replace(end=new.end, high=new.high)
                 return
-        self._between[planes].append(len(self.arcs))
+        self._between[new.planes].append(len(self.arcs))
         self.arcs.append(new)
 
     def _cut(self, loop: list[int], time: float) -> list[list[int]]:
@@ -226,10 +290,14 @@ class RoofPlan:
                 del path[been.index(node):]
             path.append((node, edge))
         parts.append(path)
-        self.arcs += [Arc(places[part[0][0]], places[part[1][0]], time, time, False)
+        self.arcs += [Arc(places[part[0][0]], places[part[1][0]], time, time, False,
+                          (int(self.plane[part[0][1]]), int(self.plane[part[1][1]])))
                       for part in parts if len(part) == 2]
         rest = [self._joined([edge for _, edge in part]) for part in parts if len(part) > 2]
-        return [part for part in rest if len(part) > 2]
+        rest = [part for part in rest if len(part) > 2]
+        if not rest or any(len(part) == 2 for part in parts):
+            self.lowest_top = min(self.lowest_top, time)
+        return rest
 
     def _walk(self, loop: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """List places along a polygon, (m, 2), and the edges that go on from there, (m,)."""
@@ -241,6 +309,32 @@ class RoofPlan:
         edge = np.concatenate([corners, on])
         order = np.lexsort((np.concatenate([0.0 * corners, along[on, place]]), edge))
         return points[np.concatenate([corners, place])[order]], loop[edge[order]]
+
+
+def _between(part: Field, start: float, end: float
+             ) -> tuple[tuple[float, float], tuple[float, float]] | None:
+    """Return foot and head of a field between two places along the eaves, or None."""
+    foot, head = [part.low, part.low], [part.high, part.high]
+    for edge, sign in ((part.start, 1.0), (part.end, -1.0)):
+        if edge.way == 0.0:
+            if sign * (0.5 * (start + end) - edge.at) < 0.0:
+                return None
+            continue
+        line = [(y - edge.at) / edge.way for y in (start, end)]
+        middle = 0.5 * sum(line)
+        if sign * edge.way > 0.0 and middle < 0.5 * sum(head):
+            head = line
+        elif sign * edge.way < 0.0 and middle > 0.5 * sum(foot):
+            foot = line
+    return ((foot[0], foot[1]), (head[0], head[1])) if sum(head) > sum(foot) else None
+
+
+def _in_line(strip: Strip, after: Strip) -> bool:
+    """Return whether one strip goes on as another one."""
+    ends = np.array([[s.foot, s.head] for s in (strip, after)])
+    rise = (ends[..., 1] - ends[..., 0]) / np.array([[s.end - s.start] for s in (strip, after)])
+    return bool(strip.end == after.start and np.abs(rise[0] - rise[1]).max() < _SAME
+                and np.abs(ends[0, :, 1] - ends[1, :, 0]).max() < _SAME)
 
 
 def _products(points: np.ndarray, ways: np.ndarray) -> np.ndarray:

@@ -23,9 +23,22 @@ from numpy.typing import ArrayLike
 
 from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.geometry import rotation
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros
+from procphys_ros.geometry.linear import product
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, split_along
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.roof_plan import Edge, Field
+from procphys_ros.wallgrammar.roof_plan import Strip
+from procphys_ros.wallgrammar.tiles import (
+    APART,
+    BATTEN,
+    clipped,
+    divide,
+    ends_at,
+    LEVEL,
+    rests,
+    RowPiece,
+    Span,
+    TILE,
+)
 
 RAFTER = 0.05            # [m] width of rafters
 BOARD = 0.075            # [m] thickness of the boards at ridges, hips and valleys
@@ -33,14 +46,10 @@ _SHALLOWEST = 0.12       # [m] least depth of rafters
 _SLENDER = 25.0          # length over depth of rafters, a joiner's rule
 RAFTER_SPACING = 0.6     # [m] largest
 _SHORTEST = 0.2          # [m] shortest rafter, in plan
-BATTEN = (0.05, 0.025)  # [m] width and depth (BS 5534)
 _SHORT = 0.06            # [m] shortest batten
 COVER = 0.045            # [m] depth of battens and tiles together
-TILE = (0.40, 0.02)     # [m] width and thickness of a body that stands for a few tiles
 GAUGE = 0.32            # [m] largest distance of battens
 TILE_AREA = TILE[0] * GAUGE  # [m²] of roof that a tile covers
-APART = 0.001           # [m] tiles do not touch each other
-_LEAST = 0.05           # [m] least length of a tile on a batten
 _LOW = (0.06, 0.005)    # [m] least height of rows of tiles, and of those between two changes
 _TAIL = 0.15            # [m] in plan: battens nearer to a top than this do not end rows
 CLEAR = 0.005           # [m] between timbers that are cut to meet
@@ -49,8 +58,6 @@ RIDGE_TILE = 0.45       # [m] length of ridge tiles
 _VERGE = (0.025, 0.12)   # [m] thickness of boards at gables, and how far they hang below battens
 PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
 OVERHANG = 0.25          # [m] of the eaves
-
-Span = tuple[float, float]
 
 
 class Ends(NamedTuple):
@@ -82,18 +89,7 @@ class Post(NamedTuple):
     radius: float
 
 
-class TileRow(NamedTuple):
-    """
-    TileRow of tiles.
-
-    :ivar low, high: along the slope [m].
-    :ivar start, end: along the eaves, at its low and its high side [m], (2,).
-    """
-
-    low: float
-    high: float
-    start: np.ndarray
-    end: np.ndarray
+Batten = tuple[float, float, float]  # up the slope, and its ends along the eaves [m]
 
 
 def rafter_depth(span: float, pitch: float) -> float:
@@ -117,16 +113,20 @@ class Slope:
     :ivar pose: of the frame in the building [m], (7,).
     :ivar pitch: [rad].
     :ivar depth: of the rafters [m].
-    :ivar fields: trapezia in plan that it consists of.
+    :ivar strips: of its face, in order along the eaves.
+    :ivar overhang: distance of their feet below the eaves in plan [m].
     :ivar ridges: start and end along the eaves, and distance from them in plan, of its ridges [m].
+    :ivar lines: ends of the boards around it, along the eaves and from them in plan [m], (2, 2).
     :ivar posts: at its corners.
     """
 
     pose: np.ndarray
     pitch: float
     depth: float
-    fields: tuple[Field, ...]
+    strips: Sequence[Strip]
+    overhang: float
     ridges: tuple[tuple[float, float, float], ...] = ()
+    lines: Sequence[np.ndarray] = ()
     posts: tuple[Post, ...] = ()
 
     def world(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
@@ -134,20 +134,30 @@ class Slope:
         points = np.column_stack(np.broadcast_arrays(x, y, z)).astype(float)
         return self.pose[:3] + rotation.rotate(self.pose[3:], points)
 
-    def _plan(self, x: float, z: float) -> float:
+    def _plan(self, x: ArrayLike, z: float) -> np.ndarray:
         """Compute the distance from the eaves in plan of a point of the slope's frame [m]."""
-        return x * float(cos(self.pitch)) - z * float(sin(self.pitch))
+        return np.asarray(x) * float(cos(self.pitch)) - z * float(sin(self.pitch))
 
     def along(self, u: ArrayLike, z: float) -> np.ndarray:
         """Compute the x of points at distances from the eaves in plan [m]."""
         return (np.asarray(u) + z * sin(self.pitch)) / cos(self.pitch)
 
-    def _extent(self) -> tuple[tuple[float, bool, float], tuple[float, bool, float]]:
-        """Return the ends of the slope along the eaves, whether they are cut, and a sign."""
-        ends = [(edge.place(u), edge.way != 0.0, side) for f in self.fields
-                for side, edge in ((1.0, f.start), (-1.0, f.end))
-                for u in (max(f.low, 0.0), f.high)]
-        return min(e for e in ends if e[2] > 0.0), max(e for e in ends if e[2] < 0.0)
+    def _at(self, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Compute foot and head of the face at places along the eaves [m]; none: 1e3 and -1e3."""
+        foot, head = np.full(len(place), 1e3), np.full(len(place), -1e3)
+        for strip in self.strips:
+            on = (place >= strip.start) & (place <= strip.end)
+            share = ((place - strip.start) / (strip.end - strip.start))[on]
+            foot[on], head[on] = (line[0] + share * (line[1] - line[0])
+                                  for line in (strip.foot, strip.head))
+        return foot, head
+
+    def _extent(self) -> list[tuple[float, bool, float]]:
+        """Return the ends of the slope above the eaves, whether they are cut, and a sign."""
+        whole = [piece for strip in self.strips
+                 for piece in clipped(strip, strip.foot, strip.head, 0.0, np.inf)]
+        return [(end, piece.high[k] - piece.low[k] < APART, sign) for piece, end, k, sign in (
+            (whole[0], whole[0].start, 0, 1.0), (whole[-1], whole[-1].end, 1, -1.0))]
 
     def rafters(self, site: Site, frame: int, wall: float, margin: float) -> Ends:
         """
@@ -181,71 +191,93 @@ class Slope:
 
     def _beside(self, post: Post) -> list[float]:
         """Return where rafters go at a post: below it, or on both sides if they are above it."""
-        above = any(abs(f.low - post.height) < APART and f.start.place(f.low) + APART < post.place
-                    < f.end.place(f.low) - APART for f in self.fields)
+        foot, head = self._at(np.array([post.place]))
+        above = foot[0] > post.height - post.radius and head[0] > post.height + post.radius
         aside = post.radius + RAFTER
         return [post.place - aside, post.place + aside] if above else [post.place]
 
     def _reach(self, place: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray]:
         """Compute how far rafters reach clear of boards and posts, from the eaves in plan [m]."""
-        foot, head = np.full(len(place), 1e3), np.full(len(place), -1e3)
-        for field in self.fields:
-            low = np.full(len(place), field.low)
-            high = np.full(len(place), field.high)
-            for edge, sign in ((field.start, 1.0), (field.end, -1.0)):
-                room, way = sign * (place - edge.at), sign * edge.way
-                if way == 0.0:
-                    high[room < wall - 1e-9] = -np.inf
-                    continue
-                room -= 0.5 * RAFTER + (0.5 * BOARD + CLEAR) * hypot(1.0, way)
-                if way > 0.0:
-                    high = np.minimum(high, room / way)
-                else:
-                    low = np.maximum(low, room / way)
-            foot = np.where(high > low, np.minimum(foot, low), foot)
-            head = np.where(high > low, np.maximum(head, high), head)
-        for start, end, height in self.ridges:
-            below = (place > start - 0.5 * RAFTER) & (place < end + 0.5 * RAFTER)
-            head[below] = np.minimum(head, height - 0.5 * BOARD - CLEAR)[below]
+        foot, head = self._at(place)
+        for end, is_cut, sign in self._extent():
+            head[(sign * (place - end) < wall - 1e-9) & (not is_cut)] = -np.inf
+        middle = 0.5 * (np.maximum(foot, 0.0) + head)
+        for line in self.lines:
+            low, high = _beside(line, place)
+            above = (low < high) & (0.5 * (low + high) > middle)
+            head = np.where(above, np.minimum(head, low), head)
+            foot = np.where(above | (high < low), foot, np.maximum(foot, high))
         for post in self.posts:
             near = np.abs(place - post.place) < 0.5 * RAFTER + post.radius
-            above = near & (post.height > 0.5 * (np.maximum(foot, 0.0) + head))
+            above = near & (post.height > middle)
             head[above] = np.minimum(head, post.height - post.radius)[above]
             near &= ~above
             foot[near] = np.maximum(foot, post.height + post.radius)[near]
         return foot, head
 
-    def cover(self, site: Site, frame: int, rafters: Ends) -> None:
+    def cover(self, site: Site, frame: int, rafters: Ends) -> tuple[np.ndarray, np.ndarray]:
         """
         Nail battens across the rafters and hang tiles on them.
 
         :param site: takes the parts.
         :param frame: index of the slope's frame.
         :param rafters: that carry the battens.
+        :returns: parts that end at boards, (n,), and where, in the slope's frame [m], (n, 3).
         """
         lines = self._lines(rafters)
         battens = [(x, *ends) for x in lines for ends in self._battens(x, rafters)]
-        site.add(_boxes(site, [((x - 0.5 * BATTEN[0], -b, self.depth),
-                                (x + 0.5 * BATTEN[0], -a, self.depth + BATTEN[1]))
-                               for x, a, b in battens], frame, 'batten', 'timber'), PIECE)
-        rows = [row for field in self.fields for row in self._rows(field, lines, battens)]
-        near = 0.5 * BATTEN[0]
-        nailed = [any(row.low - near < x < row.high + near and min(b, row.end.max())
-                      > max(a, row.start.min()) for x, a, b in battens) for row in rows]
-        for joint in (Joint.NAIL, Joint.FIXING):  # what reaches no batten is fixed to other tiles
-            self._hang(site, frame, [row for row, nail in zip(rows, nailed)
-                                     if nail == (joint == Joint.NAIL)],
-                       self.depth + BATTEN[1], TILE[0], joint)
-        level = self.depth + COVER
-        top = [(field, line) for field in self.fields
-               if (line := self._ridge_line(field, lines)) is not None]
-        self._hang(site, frame, [
-            self._row(field, line - LAP, float(self.along(field.high, level)) - APART, level)
-            for field, line in top], level, RIDGE_TILE, Joint.FIXING)
+        boxes = split_along(_boxes(site, [
+            ((x - 0.5 * BATTEN[0], -b, self.depth), (x + 0.5 * BATTEN[0], -a, self.depth
+                                                     + BATTEN[1]))
+            for x, a, b in battens], frame, 'batten', 'timber'), PIECE, site.next_member)
+        added = site.add(boxes)
+        tops = self._ridge_rows(lines)
+        cut = self._hang(site, frame, self._rows(lines, battens, tops), self.depth + BATTEN[1],
+                         TILE[0], battens)
+        self._hang(site, frame, [run for _, run in tops], self.depth + COVER, RIDGE_TILE)
+        parts, points = zip(self._at_boards(boxes.member, added.start, battens), cut)
+        return np.concatenate(parts), np.concatenate(points)
+
+    def _rows(self, lines: Sequence[float], battens: Sequence[Batten],
+              tops: Sequence[tuple[float, list[RowPiece]]]) -> list[list[RowPiece]]:
+        """Return rows of tiles that end on battens, around the ridge tiles `tops`."""
+        top = max(max(strip.head) for strip in self.strips)
+        level = self.depth + BATTEN[1]
+        # Tiles that reach on to the top hang on two battens.
+        high, room = float(self.along(top, level)), float(self.along(_TAIL, level))
+        for line, run in tops:
+            if abs(run[0].high[1] - self.along(top, self.depth + COVER)) < 2.0 * APART:
+                high, room = line, _LOW[0]
+        held = {x for x, *_ in battens}
+        marks = [lines[0], *(x for x in lines if lines[0] + _LOW[0] < x < high - room
+                             and x in held), high]
+        return [run for low, above in zip(marks, marks[1:]) if above - low > _LOW[1]
+                for run in self._runs(
+                    low + APART * (low in lines), above - APART * (above in lines), level,
+                    [(row[0].start, row[-1].end) for line, row in tops if line < low + APART])]
+
+    def _at_boards(self, member: np.ndarray, first: int, battens: Sequence[Batten]
+                   ) -> tuple[np.ndarray, np.ndarray]:
+        """Find where battens lie on hips, valleys and sloping ridges, see `cover`."""
+        parts, points = [], []
+        for k, (x, start, end) in enumerate(battens):
+            rows = first + np.flatnonzero(member == member[0] + k)
+            for line in self.lines:
+                low, high = _over(line, float(self._plan(x, self.depth)))
+                low, high = max(low, start), min(high, end)
+                if high - low < 0.5 * BATTEN[0]:
+                    continue
+                count = int(np.ceil((high - low) / RAFTER_SPACING))
+                for place in (low + (np.arange(count) + 0.5) * (high - low) / count).tolist():
+                    # Pieces follow each other against the eaves.
+                    piece = int((end - place) / (end - start) * len(rows))
+                    parts.append(rows[min(piece, len(rows) - 1)])
+                    points.append((x, -place, self.depth))
+        return np.array(parts, int), np.array(points).reshape(-1, 3)
 
     def _lines(self, rafters: Ends) -> list[float]:
         """
-        Place battens evenly, with one below each ridge and apex, and where fields change.
+        Place battens evenly, with one below each ridge and apex.
 
         :param rafters: that carry the battens.
         """
@@ -254,7 +286,6 @@ class Slope:
         marks = [self._below(height) for *_, height in self.ridges]
         marks += [reach - 0.5 * BATTEN[0] for post in self.posts
                   for reach in rafters.reach[np.abs(rafters.place - post.place) < APART].tolist()]
-        marks += [float(self.along(f.low, self.depth + BATTEN[1])) for f in self.fields]
         stops = [float(self.along(-OVERHANG, 0.0)), top]
         for x in (mark - 0.5 * BATTEN[0] for mark in marks):
             if stops[0] < x < top and min(abs(x - stop) for stop in stops) > 2.0 * BATTEN[0]:
@@ -269,26 +300,46 @@ class Slope:
         """Return the place of a batten on the ends of rafters at a ridge [m]."""
         return float(self.along(height - 0.5 * BOARD - CLEAR, 0.0)) - 0.5 * BATTEN[0]
 
-    def _ridge_line(self, field: Field, lines: Sequence[float]) -> float | None:
-        """Return the batten from which ridge tiles reach up to the top of a field, if any do."""
-        start, end = field.start.place(field.high), field.end.place(field.high)
-        level = self.depth + COVER
-        line = max(x for x in lines if x < self._below(field.high) + APART)
-        goes_on = any(other.low == field.high and other.start.place(other.low) < end
-                      and other.end.place(other.low) > start for other in self.fields)
-        room = line - LAP > self.along(field.low, level + TILE[1])
-        return line if room and end - start > _SHORT and not goes_on else None
+    def _ridge_rows(self, lines: Sequence[float]) -> list[tuple[float, list[RowPiece]]]:
+        """Return the battens from which ridge tiles reach up to the ridges, and their rows."""
+        level, found = self.depth + COVER, []
+        for start, end, height in self.ridges:
+            line = max(x for x in lines if x < self._below(height) + APART)
+            middle = 0.5 * (start + end)
+            foot = float(self._at(np.array([middle]))[0][0])
+            if end - start < _SHORT or line - LAP < self.along(foot, level + TILE[1]):
+                continue
+            top = float(self.along(height, level)) - APART
+            for run in self._runs(line - LAP, top, level):
+                if not run[0].start < middle < run[-1].end:
+                    continue
+                at = next(k for k, piece in enumerate(run) if piece.end > middle)
+                first = last = at
+                # It ends where the face goes on above the ridge.
+                while first and ends_at(run[first - 1], start, end, top):
+                    first -= 1
+                while last + 1 < len(run) and ends_at(run[last + 1], start, end, top):
+                    last += 1
+                found.append((line, run[first:last + 1]))
+        return found
 
-    def _section(self, u: float) -> list[Span]:
+    def _spans(self, u: float) -> list[Span]:
         """List the stretches of the slope at a distance from the eaves in plan [m]."""
-        return [(f.start.place(u) + APART * (f.start.way != 0.0),
-                 f.end.place(u) - APART * (f.end.way != 0.0))
-                for f in self.fields if f.low <= u < f.high]
+        found: list[list] = []
+        for strip in self.strips:
+            for piece in clipped(strip, strip.foot, strip.head, u, u):
+                cut = [end != whole for end, whole in ((piece.start, strip.start),
+                                                       (piece.end, strip.end))]
+                if found and found[-1][1] == piece.start:
+                    found[-1][1], found[-1][3] = piece.end, cut[1]
+                else:
+                    found.append([piece.start, piece.end, *cut])
+        return [(start + APART * first, end - APART * last) for start, end, first, last in found]
 
     def _battens(self, x: float, rafters: Ends) -> list[Span]:
         """Return the ends of the battens that rafters hold on a line [m]."""
-        sections = [self._section(self._plan(x - 0.5 * BATTEN[0], self.depth + BATTEN[1])),
-                    self._section(self._plan(x + 0.5 * BATTEN[0], self.depth))]
+        sections = [self._spans(float(self._plan(x - 0.5 * BATTEN[0], self.depth + BATTEN[1]))),
+                    self._spans(float(self._plan(x + 0.5 * BATTEN[0], self.depth)))]
         found = []
         for start, end in ((max(a, c), min(b, d)) for a, b in sections[0]
                            for c, d in sections[1]):
@@ -298,65 +349,81 @@ class Slope:
                 found.append((start, end))
         return found
 
-    def _row(self, field: Field, low: float, high: float, level: float) -> TileRow:
-        """Cut a row at the ends of a field: at the underside at hips, at the top in valleys."""
-        def cut(edge: Edge, sign: float) -> np.ndarray:
-            z = level + (TILE[1] if sign * edge.way < 0.0 else 0.0)
-            return np.array([edge.place(self._plan(x, z)) for x in (low, high)])
-        start, end = cut(field.start, 1.0), cut(field.end, -1.0)
-        middle = 0.5 * (start + end)  # of apexes, and of the feet of valleys, which are empty
-        return TileRow(low, high, np.where(end < start, middle, start),
-                       np.where(end < start, middle, end))
+    def _runs(self, low: float, high: float, level: float,
+              without: Sequence[Span] = ()) -> list[list[RowPiece]]:
+        """
+        Cut a row of tiles at the ends of the face, below at hips, and above in valleys.
 
-    def _rows(self, field: Field, lines: Sequence[float],
-              battens: Sequence[tuple[float, float, float]]) -> list[TileRow]:
-        """Return rows of tiles that end on battens; rows without one between them are joined."""
-        ends = self.along([field.low, field.high], self.depth + BATTEN[1]).tolist()
-        low, high = max(ends[0], lines[0]), ends[1]
-        ridge = self._ridge_line(field, lines)
-        room = _LOW[0]
-        if ridge is None:  # tiles that reach on to the top hang on two battens
-            room = float(self.along(_TAIL, self.depth + BATTEN[1]))
-        high = ridge or high
-        marks = [low, *(x for x in lines if low + _LOW[0] < x < high - room), high]
-        rows: list[TileRow] = []
-        for start, end in zip(marks, marks[1:]):
-            row = self._row(field, start, end, self.depth + BATTEN[1])
-            if float((row.end - row.start).max()) < APART or end - start < _LOW[1]:
-                continue
-            if rows and not any(
-                    abs(x - rows[-1].high) < APART and min(b, rows[-1].end[1])
-                    - max(a, rows[-1].start[1]) > _LEAST for x, a, b in battens):
-                row = self._row(field, rows.pop().low, end, self.depth + BATTEN[1])
-            rows.append(row)
-        return [row._replace(low=row.low + APART * (row.low in lines),
-                             high=row.high - APART * (row.high in lines)) for row in rows]
+        :param low, high: along the slope [m].
+        :param level: of their underside [m].
+        :param without: stretches along the eaves that other tiles cover.
+        :returns: pieces side by side, for each stretch without a gap.
+        """
+        found: list[list[RowPiece]] = []
+        for strip in self.strips:
+            eaves = max(strip.foot) < APART - self.overhang
+            foot = [-1e3] * 2 if eaves else (self.along(strip.foot, level + TILE[1])
+                                             + APART).tolist()
+            head = self.along(strip.head, level)
+            if abs(head[1] - head[0]) > LEVEL:
+                head = head - APART
+            for piece in clipped(strip, foot, head.tolist(), low, high, without):
+                if found and abs(found[-1][-1].end - piece.start) < LEVEL:
+                    found[-1].append(piece)
+                else:
+                    found.append([piece])
+        return found
 
-    def _hang(self, site: Site, frame: int, rows: Sequence[TileRow], level: float, width: float,
-              joint: Joint) -> None:
-        """Divide rows into tiles; the first and the last of each are cut to its ends."""
-        whole, cut = [], []
-        for low, high, start, end in rows:
-            first, last = float(start.max()), float(end.min())
-            count = max(round((last - first) / width), 1)
-            marks = np.linspace(first, last, count + 1)
-            lefts, rights = (np.column_stack([m, m]) for m in (marks[:-1], marks[1:]))
-            lefts[0], rights[-1] = start, end
-            for a, b in zip(lefts + APART, rights - APART):
-                a, b = np.where(a > b, 0.5 * (a + b), a), np.where(a > b, 0.5 * (a + b), b)
-                if np.ptp(a) + np.ptp(b) < 1e-9:
-                    whole.append(((low, -b[0], level), (high, -a[0], level + TILE[1])))
-                elif float((b - a).sum()) > _LEAST:
-                    cut.append(np.array([[low, -b[0]], [high, -b[1]], [low, -a[0]],
-                                         [high, -a[1]]]))
-        if whole:
-            boxes = _boxes(site, whole, frame, 'tile', 'tile')
-            boxes.joint[:] = joint
-            site.add(boxes)
-        if cut:
-            tiles = _prisms(site, np.array(cut), level, level + TILE[1], frame)
-            tiles.joint[:] = joint
-            site.add(tiles)
+    def _hang(self, site: Site, frame: int, runs: list[list[RowPiece]], level: float, width: float,
+              battens: Sequence[Batten] = ()
+              ) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Divide rows into tiles; the first and the last ones of each are cut to its ends.
+
+        What rests on two battens is nailed to them, all else fixed to what it touches.
+
+        :returns: cut tiles at boards, (n,), and where, in the slope's frame [m], (n, 3).
+        """
+        pieces = [tile for run in runs for tile in divide(run, width)]
+        parts, points = [np.zeros(0, int)], [np.zeros((0, 3))]
+        if not pieces:
+            return parts[0], points[0]
+        corners = np.array(pieces)
+        nailed = rests(corners, battens) > 1
+        whole = ((corners[:, 0, 0] == corners[:, 2, 0]) & (corners[:, 1, 0] == corners[:, 3, 0])
+                 & (np.ptp(corners[:, :2, 1], axis=1) + np.ptp(corners[:, 2:, 1], axis=1) < 1e-9))
+        for joint, some in ((Joint.NAIL, nailed), (Joint.FIXING, ~nailed)):
+            for mask in (some & whole, some & ~whole):
+                if mask.any():
+                    tiles = _boxes(site, [
+                        ((*low, level), (*high, level + TILE[1]))
+                        for low, high in corners[mask][:, [0, 3]]], frame, 'tile', 'tile'
+                    ) if (mask & whole).any() else _prisms(
+                        site, corners[mask], level, level + TILE[1], frame)
+                    tiles.joint[:] = joint
+                    rows = site.add(tiles)
+                    if not (mask & whole).any():
+                        some_parts, some_points = self._bedded(corners[mask], level)
+                        parts.append(rows.start + some_parts)
+                        points.append(some_points)
+        return np.concatenate(parts), np.concatenate(points)
+
+    def _bedded(self, corners: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+        """Find which cut tiles, (n, 4, 2), lie on boards, and where, see `_hang`."""
+        tiles, points = [], []
+        middle = corners.mean(axis=1)
+        plan = np.column_stack([-middle[:, 1], self._plan(middle[:, 0], level)])
+        for line in self.lines:
+            way = line[1] - line[0]
+            share = np.clip(product(plan - line[0], way) / (way * way).sum(), 0.0, 1.0)
+            u, place = (line[0] + share[:, None] * way).T[::-1]
+            on = np.column_stack([self.along(u, level), -place])
+            for k, (point, outline) in enumerate(zip(on, corners[:, [0, 1, 3, 2]])):
+                if min(_distance(np.array(side), point) for side in zip(
+                        outline, np.roll(outline, -1, axis=0))) < 0.5 * BOARD:
+                    tiles.append(k)
+                    points.append((*point, level))
+        return np.array(tiles, int), np.array(points).reshape(-1, 3)
 
     def verges(self, site: Site, frame: int,
                ends: Sequence[tuple[float, int, float, Sequence[Span]]]) -> None:
@@ -384,6 +451,51 @@ class Slope:
             column = _boxes(site, boards, frame, 'verge', 'timber')
             column.axis[:], column.joint[:] = 0, Joint.FIXING
             site.add(column, PIECE)
+
+
+def _beside(line: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Compute where rafters would meet a board, from the eaves in plan [m].
+
+    :param line: ends of the board, along the eaves and from them [m], (2, 2).
+    :param place: middles of the rafters along the eaves [m], (n,).
+    :returns: where they would enter and leave it, the first above the second where they pass
+        beside it, (n,) each.
+    """
+    way = (line[1] - line[0]) / hypot(*(line[1] - line[0]))
+    aside = np.array([-way[1], way[0]])
+    corners = np.concatenate([line - 0.5 * BOARD * aside - CLEAR * aside,
+                              line[::-1] + 0.5 * BOARD * aside + CLEAR * aside])
+    low, high = np.full(len(place), 1e3), np.full(len(place), -1e3)
+    for start, end in zip(corners, np.roll(corners, -1, axis=0)):
+        first, last = (start, end) if start[0] < end[0] else (end, start)
+        ends = [np.clip(place + side, first[0], last[0]) for side in (-0.5 * RAFTER, 0.5 * RAFTER)]
+        meets = (place + 0.5 * RAFTER > first[0]) & (place - 0.5 * RAFTER < last[0])
+        for y in ends:
+            share = (y - first[0]) / max(last[0] - first[0], 1e-12)
+            u = first[1] + share * (last[1] - first[1])
+            low, high = (np.where(meets, np.minimum(low, u), low),
+                         np.where(meets, np.maximum(high, u), high))
+    return low, high
+
+
+def _over(line: np.ndarray, u: float) -> Span:
+    """Return the stretch along the eaves that is over a board, at a distance from them [m]."""
+    way = (line[1] - line[0]) / hypot(*(line[1] - line[0]))
+    ends = sorted(line[:, 0].tolist())
+    if abs(way[1]) < APART:  # along the eaves
+        return (ends[0], ends[1]) if abs(u - line[0, 1]) < 0.5 * BOARD else (0.0, 0.0)
+    middle = line[0, 0] + (u - line[0, 1]) * way[0] / way[1]
+    half = 0.5 * BOARD / abs(way[1])
+    return max(middle - half, ends[0] - half), min(middle + half, ends[1] + half)
+
+
+def _distance(line: np.ndarray, place: np.ndarray) -> float:
+    """Compute the distance of a place from a line between two ends [m]."""
+    way = line[1] - line[0]
+    length = float((way * way).sum())
+    share = float(np.clip(((place - line[0]) * way).sum() / length, 0.0, 1.0)) if length else 0.0
+    return float(hypot(*(place - line[0] - share * way)))
 
 
 def _prisms(site: Site, outlines: np.ndarray, low: float, high: float, frame: int) -> Boxes:
