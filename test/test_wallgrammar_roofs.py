@@ -217,6 +217,7 @@ def test_roofs_are_sound(plan, roof, turn):
     """Bond all parts, let none overlap, and no rain in but through the joints of tiles."""
     house, points = built(plan, roof, turn)
     assert count_loose(house) == 0
+    assert len(np.unique(np.sort(house.bonds, axis=1), axis=0)) == len(house.bonds)
     assert deepest_overlap(house) < OVERLAP
     assert open_share(house, points) < _JOINTS
 

@@ -89,6 +89,13 @@ def fastened(patches: Patches, boxes: Boxes) -> Patches:
     return _nailed(kept, _by_one_nail(kept.pair, boxes))
 
 
+def without(patches: Patches, others: Sequence[Patches]) -> Patches:
+    """Drop patches between parts that other patches bond."""
+    bonded = {tuple(sorted(pair)) for other in others for pair in other.pair.tolist()}
+    rows = np.array([tuple(sorted(pair)) not in bonded for pair in patches.pair.tolist()], bool)
+    return Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+
+
 def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
     """Shrink the masked patches to the area that a single nail in their middle holds."""
     narrow = np.minimum(patches.extent.min(axis=1), np.sqrt(NAIL_AREA))

@@ -36,6 +36,7 @@ from procphys_ros.wallgrammar.assembly import (
     fastened,
     from_contacts,
     on_ground,
+    without,
 )
 from procphys_ros.wallgrammar.bodies import Body
 from procphys_ros.wallgrammar.bonds import Layout
@@ -140,7 +141,8 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     if cut.any():
         reach = max(body.layout.joint for body in found) / MICRO + _JOINT_SLACK
         nailed = np.isin(boxes.joint, (Joint.FIXING, Joint.NAIL, Joint.LAP))
-        patches.append(fastened(polygons.meet(solids, cut, reach, nailed), boxes))
+        met = fastened(polygons.meet(solids, cut, reach, nailed), boxes)
+        patches.append(without(met, site.patches))
         solids = solids[cut]
     check_connected(boxes, patches, frames, site)
     built = assemble(boxes, patches, frames, grammar.materials, site.kinds, solids)

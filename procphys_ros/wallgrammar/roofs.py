@@ -515,7 +515,10 @@ class Roof:
         if not len(points):
             return
         out = slope.world(np.zeros(1), np.zeros(1), 1.0) - slope.pose[:3]
-        self._bond(self._nearest(holders, points), parts, points,
+        boards = self._nearest(holders, points)
+        once = np.unique(np.column_stack([boards, parts]), axis=0, return_index=True)[1]
+        boards, parts, points = boards[once], parts[once], points[once]
+        self._bond(boards, parts, points,
                    np.tile(out, (len(points), 1)), (BATTEN[0], BATTEN[0]),
                    np.tile([0.5 * self.depth, 0.5 * BATTEN[1]], (len(points), 1)))
 
