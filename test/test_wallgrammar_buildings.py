@@ -49,7 +49,8 @@ _CASES = [
     (_RECTANGLE, 'english', 'floors: timber roof: gable(45) partitions: halves(1.2)'),
     (_ANGLE, 'flemish', 'floors: slab(0.15)'), (_ANGLE, 'english', 'partitions: halves(1)'),
     ('(0, 0) (4, 3) (2.5, 5) (-1.5, 2)', 'running', 'floors: timber roof: gable(35)'),
-    ('(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)', 'running', ''), (_STAR, 'english', ''),
+    ('(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)', 'running', 'floors: slab(0.15) roof: flat'),
+    (_STAR, 'english', 'storeys: 2 floors: slab(0.2)'),
     ('(0, 0) (4, 0) (1, 3)', 'flemish', ''), ('(0, 0) (3, 0)', 'english', ''),
 ]
 

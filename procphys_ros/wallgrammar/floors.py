@@ -19,12 +19,22 @@ from typing import TypeAlias
 
 import numpy as np
 
+from procphys_ros.elementary import cos, sin
+from procphys_ros.geometry.linear import product
 from procphys_ros.language import Place
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, MICRO, SPAN, stack
+from procphys_ros.wallgrammar.boxes import (
+    Boxes,
+    from_cells,
+    Joint,
+    MICRO,
+    micros,
+    SPAN,
+    stack,
+)
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.contacts import spread
 from procphys_ros.wallgrammar.footprint import Facade, Footprint
-from procphys_ros.wallgrammar.plan import along_facade, Bay, bays, Rectangle, span_axis
+from procphys_ros.wallgrammar.plan import along_facade, Bay, bays, Rectangle, span_axis, trapezia
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.walls import Elevation
 
@@ -209,7 +219,7 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
     Lay a slab over the whole plan, bearing on the full thickness of all walls.
 
     :param site: takes the parts.
-    :param plan: right-angled footprint.
+    :param plan: footprint.
     :param level: upper side [µm], on a course.
     :param depth: thickness [µm].
     :param walls: of facades and partitions; they are interrupted where the slab passes.
@@ -223,6 +233,9 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
             raise site.place.error(f'the slab from {bottom / 1e6:g} to {level / 1e6:g} m meets '
                                    f'the panel "{found}"; leave a strip of wall there')
         wall.cut(0, bottom, wall.facade.length, level)
+    if not plan.right_angled:
+        _free_slab(site, plan, bottom, level)
+        return
     low, high = [], []
     for bay in bays(plan, span_axis(plan), layout.thickness):
         counts = [max(SPAN, -(-s // _SLAB_PIECE)) for s in bay.outer.size]
@@ -236,3 +249,31 @@ def slab_floor(site: Site, plan: Footprint, level: int, depth: int,
     site.add(from_cells(np.concatenate(low), np.concatenate(high),
                         [0, 0, max(level - depth - bottom, 0)], 0, kind=site.kind('slab'),
                         material=site.material('concrete'), member=site.next_member))
+
+
+def _free_slab(site: Site, plan: Footprint, bottom: int, level: int) -> None:
+    """Lay a slab over a plan without right angles, in pieces with slanting ends."""
+    yaw = plan.yaws[0]
+    turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
+    form, most = len(site.forms), _SLAB_PIECE / MICRO
+    for piece in trapezia(product(plan.points, turn)):
+        wide = float(max(piece[1, 0] - piece[0, 0], piece[3, 0] - piece[2, 0]))
+        counts = [max(SPAN, int(np.ceil(wide / most))),
+                  int(np.ceil((piece[2, 1] - piece[0, 1]) / most))]
+        site.expect(counts[0] * counts[1])
+        across, up = (np.linspace(0.0, 1.0, count + 1)[:, None] for count in counts)
+        for start, end in zip(up, up[1:]):
+            lower, upper = ([side + share * (other - side) for side, other in
+                             ((piece[0], piece[2]), (piece[1], piece[3]))]
+                            for share in (start, end))
+            lines = [left + across * (right - left) for left, right in (lower, upper)]
+            for k in range(counts[0]):
+                outline = np.concatenate([lines[0][k:k + 2], lines[1][k:k + 2]])
+                site.forms.append(np.concatenate([np.insert(outline, 2, z / MICRO, axis=1)
+                                                  for z in (bottom, level)]))
+    corners = np.array(site.forms[form:])
+    boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)),
+                       kind=site.kind('slab'), material=site.material('concrete'),
+                       member=site.next_member)
+    boxes.form[:] = form + np.arange(len(boxes))
+    site.add(boxes)

@@ -136,7 +136,9 @@ class Interior:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
         if call.name != 'spire':
-            self._check_plan(call, key, call.name not in ('hip', 'gable'))
+            floors = self.building.floors  # flat roofs are floors once more
+            slab = call.name == 'flat' and floors is not None and floors.name == 'slab'
+            self._check_plan(call, key, not slab and call.name not in ('hip', 'gable', 'slab'))
         return call.name, value
 
     def _check_plan(self, call: Call, key: str, square: bool) -> None:

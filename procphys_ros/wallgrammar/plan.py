@@ -87,6 +87,28 @@ def bays(plan: Footprint, axis: int, thickness: int) -> list[Bay]:
     return found
 
 
+def trapezia(points: np.ndarray) -> list[np.ndarray]:
+    """
+    Cut a simple polygon into trapezia with level sides, at the levels of its corners.
+
+    :param points: corners, counter-clockwise, (n, 2).
+    :returns: corners of each, lower left, lower right, upper left, upper right, (4, 2).
+    """
+    after, found = np.roll(points, -1, axis=0), []
+    levels = np.unique(points[:, 1].round(6))
+    for low, high in zip(levels, levels[1:]):
+        middle = 0.5 * (low + high)
+        rows = np.flatnonzero((points[:, 1] < middle) != (after[:, 1] < middle))
+        rise = (after[rows, 0] - points[rows, 0]) / (after[rows, 1] - points[rows, 1])
+        lines = [points[rows, 0] + rise * (level - points[rows, 1])
+                 for level in (middle, low, high)]
+        order = np.argsort(lines[0], kind='stable')
+        for left, right in zip(order[0::2], order[1::2]):
+            found.append(np.array([[lines[k][side], level] for k, level in ((1, low), (2, high))
+                                   for side in (left, right)]))
+    return found
+
+
 def _covers(facade: Facade, across: int, place: float) -> bool:
     """Return whether a facade that runs along `across` passes a place on it."""
     if facade.quarter % 2 != across:
