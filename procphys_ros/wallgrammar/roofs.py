@@ -41,6 +41,7 @@ from procphys_ros.wallgrammar.slopes import (
     BOARD,
     CLEAR,
     COVER,
+    distance,
     OVERHANG,
     Post,
     RAFTER,
@@ -274,7 +275,10 @@ class Roof:
         radius = float(max(0.5 * BOARD / tan(half) + (off / sin(half) if off > _ONE else 0.0),
                            np.sqrt(2.0) * _POST) + CLEAR)
         shortest = float(hypot(*ways.T).min())
-        if radius > 0.5 * shortest:
+        beside = [distance(np.array([arc.start, arc.end]), node.place)
+                  for arc in self.plan.arcs if not node.ends_of(arc)]
+        if radius > 0.5 * shortest or min(beside, default=1.0) < (
+                0.5 * BOARD + np.sqrt(2.0) * _POST + CLEAR):
             x, y = self._in_building(node.place)
             raise self.site.place.error(
                 f'ridges, hips or valleys of the roof meet near ({x:.2f}, {y:.2f}) at several '
@@ -405,12 +409,11 @@ class Roof:
 
     def _slope(self, plane: int, nodes: Sequence[Node]) -> Slope:
         """Return the slope over the edges in one line."""
-        plan = self.plan
-
+        plan, reach = self.plan, self._reach / MICRO
         around = [arc for arc in plan.arcs
                   if plane in arc.planes and hypot(*(arc.end - arc.start)) > _ONE]
         lines = [plan.local(plane, np.array([
-            arc.start - bool(arc.low == 0.0) * OVERHANG / arc.high * (arc.end - arc.start),
+            arc.start - bool(arc.low == 0.0) * reach / arc.high * (arc.end - arc.start),
             arc.end])) for arc in around]
         ridges = [(*sorted(line[:, 0].tolist()), arc.high)
                   for arc, line in zip(around, lines) if arc.low == arc.high]
@@ -423,7 +426,6 @@ class Roof:
         tilt = rotation.from_axis_angle(np.array([0.0, 1.0, 0.0]), np.array(-self.pitch))
         origin = rotation.rotate(first, np.array([*plan.points[plane], self.eaves]))
         pose = np.concatenate([origin, rotation.multiply(rotation.from_yaw(yaw), tilt)])
-        reach = self._reach / MICRO
         return Slope(pose, self.pitch, self.depth, plan.strips(plane, reach), reach,
                      tuple(ridges), lines, tuple(posts))
 

@@ -419,7 +419,7 @@ class Slope:
             u, place = (line[0] + share[:, None] * way).T[::-1]
             on = np.column_stack([self.along(u, level), -place])
             for k, (point, outline) in enumerate(zip(on, corners[:, [0, 1, 3, 2]])):
-                if min(_distance(np.array(side), point) for side in zip(
+                if min(distance(np.array(side), point) for side in zip(
                         outline, np.roll(outline, -1, axis=0))) < 0.5 * BOARD:
                     tiles.append(k)
                     points.append((*point, level))
@@ -490,7 +490,7 @@ def _over(line: np.ndarray, u: float) -> Span:
     return max(middle - half, ends[0] - half), min(middle + half, ends[1] + half)
 
 
-def _distance(line: np.ndarray, place: np.ndarray) -> float:
+def distance(line: np.ndarray, place: np.ndarray) -> float:
     """Compute the distance of a place from a line between two ends [m]."""
     way = line[1] - line[0]
     length = float((way * way).sum())
