@@ -24,6 +24,7 @@ import pytest
 from procphys_ros.blueprint import GROUND
 from procphys_ros.export import export_animation
 from procphys_ros.geometry import rotation
+from procphys_ros.mechanism import MechanismGrammar
 from procphys_ros.physics.trees import Forest
 from procphys_ros.physics.trees.layout import STIFFNESS
 from procphys_ros.scene import Scene
@@ -270,3 +271,45 @@ def test_usd_tells_in_one_line_that_a_layer_cannot_be_written(tmp_path, suffix):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert not list(tmp_path.iterdir())
+
+
+def test_mechanisms_have_their_joints(tmp_path):
+    """Write a machine that has moved: joints meet where its parts are, with limits and springs."""
+    text = """mechanism m {
+        box arm { size: 1, 0.1, 0.1  at: 0.5, 0, 2
+            hinge h { at: 0, 0, 2  axis: 0, 1, 0  limits: -100, 80  spring: 90, 10  damper: 2
+                strength: 800 } }
+        box slide { size: 0.2, 0.2, 0.2  at: 1.1, 0, 2  slider s { to: arm  axis: 1, 0, 0
+            limits: -0.1, 0.3 } }
+        ball bob { diameter: 0.2  at: 1.1, 0, 1.2  rope r { to: slide  at: 1.1, 0, 1.3
+            end: 1.1, 0, 1.9 } }
+        rod stick { from: 1.1, 0, 1  to: 1.1, 0, 0.6  diameter: 0.05
+            ball b { to: bob  at: 1.1, 0, 1.1 } } }"""
+    simulation = Simulation(scene_of(m=MechanismGrammar.parse(text).build()))
+    simulation.step(20)
+    path, content = written(simulation, tmp_path / 'machine.usda')
+    stage = Usd.Stage.Open(str(path))
+    assert errors_in(stage) == []
+    joints = {prim.GetName(): prim for prim in stage.Traverse() if prim.IsA(UsdPhysics.Joint)}
+    assert {name: prim.GetTypeName() for name, prim in joints.items()} == {
+        'h': 'PhysicsRevoluteJoint', 's': 'PhysicsPrismaticJoint', 'r': 'PhysicsDistanceJoint',
+        'b': 'PhysicsSphericalJoint'}
+    hinge = UsdPhysics.RevoluteJoint(joints['h'])
+    assert [hinge.GetLowerLimitAttr().Get(), hinge.GetUpperLimitAttr().Get()] == pytest.approx(
+        [-100.0, 80.0])
+    drive = UsdPhysics.DriveAPI(joints['h'], 'angular')
+    assert drive.GetStiffnessAttr().Get() == pytest.approx(90.0 * np.pi / 180.0)
+    assert drive.GetTargetPositionAttr().Get() == pytest.approx(10.0)
+    assert hinge.GetBreakForceAttr().Get() == pytest.approx(800.0)
+    assert UsdPhysics.DistanceJoint(joints['r']).GetMaxDistanceAttr().Get() == pytest.approx(0.6)
+    names = dict(zip(simulation.joints.names, simulation.joints.position))
+    for name in ('h', 's', 'b'):
+        joint = UsdPhysics.Joint(joints[name])
+        ends = [rotation.compose(pose_of(stage.GetPrimAtPath(body[0])), seat(joint, number))
+                if (body := getattr(joint, f'GetBody{number}Rel')().GetTargets())
+                else seat(joint, number) for number in (0, 1)]
+        moved = rotation.relative(*ends)
+        along = names.get(f'm/{name}', 0.0) if name == 's' else 0.0
+        assert moved[:3] == pytest.approx([along, 0.0, 0.0], abs=1e-3)
+        if name == 'h':
+            assert 2.0 * np.arctan2(moved[3], moved[6]) == pytest.approx(names['m/h'], abs=1e-3)

@@ -35,6 +35,7 @@ class MechanismTree:
     :ivar joint: by part, the joint to its parent, -1 = it is free, (K,).
     :ivar loops: joints that are in no tree, ropes among them, (L,).
     :ivar seats: frames of all joints in the frames of their second parts, (J, 7).
+    :ivar bases: the same at rest in those of their first parts, or of the world, (J, 7).
     :ivar value: present displacements [m] or [rad], (J,).
     """
 
@@ -42,6 +43,7 @@ class MechanismTree:
     joint: np.ndarray
     loops: np.ndarray
     seats: np.ndarray
+    bases: np.ndarray
     value: np.ndarray
 
     def axis(self, joint: int) -> np.ndarray:
@@ -64,20 +66,28 @@ def mechanism_tree(content: Content) -> MechanismTree:
     used = np.array([own[part] for part in parts.tolist()], np.intp)
     rest = content.blueprint.poses
     seats = rotation.relative(rest[second], joints.frame) if len(joints) else np.zeros((0, 7))
-    return MechanismTree(parts, used, np.setdiff1d(alive, used), seats, _values(content, seats))
+    bases = _bases(content)
+    return MechanismTree(parts, used, np.setdiff1d(alive, used), seats, bases,
+                         _values(content, seats, bases))
 
 
-def _values(content: Content, seats: np.ndarray) -> np.ndarray:
+def _bases(content: Content) -> np.ndarray:
+    """Return the frames of joints at rest in those of their first parts, or the world, (J, 7)."""
+    joints = content.blueprint.joints
+    first, rest = joints.parts[:, 0], joints.frame.copy()
+    rest[:, :3] += rotation.rotate(rest[:, 3:], joints.anchor)
+    held = first != GROUND
+    rest[held] = rotation.relative(content.blueprint.poses[first[held]], rest[held])
+    return rest
+
+
+def _values(content: Content, seats: np.ndarray, bases: np.ndarray) -> np.ndarray:
     """Compute the displacements of joints from the poses of their parts, (J,)."""
     joints = content.blueprint.joints
     first, second = joints.parts.T
     there = rotation.compose(content.poses[second], seats)
-    rest = joints.frame.copy()
-    rest[:, :3] += rotation.rotate(rest[:, 3:], joints.anchor)
-    ground = first == GROUND
-    base = rotation.relative(content.blueprint.poses[np.where(ground, 0, first)], rest)
-    base = rotation.compose(content.poses[np.where(ground, 0, first)], base)
-    base[ground] = rest[ground]
+    base, held = bases.copy(), first != GROUND
+    base[held] = rotation.compose(content.poses[first[held]], base[held])
     moved = rotation.relative(base, there)
     angle = 2.0 * atan2(moved[:, 3], moved[:, 6])
     angle = (angle + np.pi) % (2.0 * np.pi) - np.pi

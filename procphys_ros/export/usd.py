@@ -25,11 +25,13 @@ from procphys_ros.blueprint import GROUND, Law
 from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import unlike
+from procphys_ros.export.mechanism_tree import mechanism_tree
 from procphys_ros.export.surfaces import ground as ground_mesh
 from procphys_ros.export.surfaces import local_part, paved
 from procphys_ros.export.usd_joints import (
     add_base,
     add_hinge,
+    add_mechanism_joint,
     add_weld,
     mortar_limits,
     pass_through,
@@ -76,6 +78,7 @@ def write_usd(content: Content, path: Path, report: Report) -> None:
         _hinges(layer, content, joints, paths, roots)
         _bricks(layer, materials, content, joints, paths, report)
         _welds(layer, content, paths, report)
+        _mechanisms(layer, content, paths)
     materials.write()
 
 
@@ -165,6 +168,21 @@ def _bricks(layer: Layer, materials: Materials, content: Content, joints: Articu
         refer(spec, shapes.path(part), instance=True)
         place(spec, content.poses[part])
         report(done, len(parts))
+
+
+def _mechanisms(layer: Layer, content: Content, paths: list[str]) -> None:
+    """Join the parts of mechanisms."""
+    joints, machine = content.blueprint.joints, mechanism_tree(content)
+    alive = np.flatnonzero(content.joints_hold).tolist()
+    for scope in dict.fromkeys(f'{paths[part].rpartition("/")[0]}/joints'
+                               for part in joints.parts[alive, 1].tolist()):
+        layer.prim(scope, 'Scope')
+    for row in alive:
+        first, second = joints.parts[row].tolist()
+        bodies = ('' if first == GROUND else paths[first], paths[second])
+        name = identifier(content.joint_names[row].rpartition('/')[2])
+        add_mechanism_joint(layer, f'{paths[second].rpartition("/")[0]}/joints/{name}', bodies,
+                            (machine.bases[row], machine.seats[row]), joints, row)
 
 
 def _welds(layer: Layer, content: Content, paths: list[str], report: Report) -> None:

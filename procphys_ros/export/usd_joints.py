@@ -19,7 +19,7 @@ from collections.abc import Sequence
 import numpy as np
 from pxr import Gf
 
-from procphys_ros.blueprint import Blueprint, Law
+from procphys_ros.blueprint import Blueprint, Joints, JointType, Law
 from procphys_ros.export.articulation import Articulation, Springs
 from procphys_ros.export.content import Content
 from procphys_ros.export.usd_layer import Layer, place, put, quaternion, relate
@@ -28,6 +28,9 @@ from procphys_ros.physics.trees.breaks import section_modulus
 _BASE_MASS = 1.0  # [kg] without any effect: the base is fixed
 _HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _SHUT = (1.0, -1.0)  # limits that lock a degree of freedom: the lower one is the larger
+_KINDS = {JointType.HINGE: 'PhysicsRevoluteJoint', JointType.SLIDER: 'PhysicsPrismaticJoint',
+          JointType.BALL: 'PhysicsSphericalJoint', JointType.WELD: 'PhysicsFixedJoint',
+          JointType.ROPE: 'PhysicsDistanceJoint'}
 _DEGREE = np.pi / 180.0  # [rad]; USD's angular drives use degrees
 
 
@@ -104,6 +107,43 @@ def add_weld(layer: Layer, path: str, bodies: Sequence[str], seats: Sequence[np.
     _seats(joint, *seats)
     put(joint, 'bool', 'physics:excludeFromArticulation', True, uniform=True)
     _breaks(joint, force, torque)
+
+
+def add_mechanism_joint(layer: Layer, path: str, bodies: Sequence[str],
+                        seats: Sequence[np.ndarray], joints: Joints, row: int) -> None:
+    """
+    Write a joint of a mechanism, with its axis along x: limits, spring and strengths.
+
+    :param bodies: paths of two bodies; '' = the world.
+    :param seats: the joint at rest in the frames of both [m], (7,) each.
+    :param row: of the joint.
+    """
+    kind = JointType(joints.kind[row])
+    sprung = joints.stiffness[row] > 0.0 or joints.damping[row] > 0.0
+    drive = {JointType.HINGE: 'angular', JointType.SLIDER: 'linear'}.get(kind) if sprung else None
+    joint = layer.prim(path, _KINDS[kind], [f'PhysicsDriveAPI:{drive}'] if drive else [])
+    for number, body in enumerate(bodies):
+        if body:
+            relate(joint, f'physics:body{number}', [body])
+    _seats(joint, *seats)
+    unit = _DEGREE if kind == JointType.HINGE else 1.0
+    if kind in (JointType.HINGE, JointType.SLIDER):
+        put(joint, 'token', 'physics:axis', 'X', uniform=True)
+        for name, value in (('lowerLimit', joints.low[row]), ('upperLimit', joints.high[row])):
+            if np.isfinite(value):
+                put(joint, 'float', f'physics:{name}', float(value / unit))
+    elif kind == JointType.ROPE:
+        put(joint, 'float', 'physics:minDistance', 0.0)
+        put(joint, 'float', 'physics:maxDistance', float(joints.high[row]))
+    if drive:
+        put(joint, 'token', f'drive:{drive}:physics:type', 'force', uniform=True)
+        for name, value in (('stiffness', joints.stiffness[row] * unit),
+                            ('damping', joints.damping[row] * unit),
+                            ('targetPosition', joints.rest[row] / unit)):
+            put(joint, 'float', f'drive:{drive}:physics:{name}', float(value))
+    put(joint, 'bool', 'physics:collisionEnabled', bool(joints.collides[row]))
+    put(joint, 'bool', 'physics:excludeFromArticulation', True, uniform=True)
+    _breaks(joint, joints.force[row], joints.moment[row])
 
 
 def pass_through(layer: Layer, path: str, roots: Sequence[str]) -> None:
