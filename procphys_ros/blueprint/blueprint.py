@@ -21,11 +21,11 @@ as flat numpy arrays. Row i of every part array is part i, for life.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from enum import IntEnum
 from typing import Self
 
 import numpy as np
 
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
@@ -34,21 +34,21 @@ FASTEST = 1e5  # [m/s], [degrees/s] of motors: 17 000 revolutions per minute
 BALLS = ('projectile', 'ball')  # kinds of parts that are balls
 
 
-class Shape(IntEnum):
+class Shape(ArrayEnum):
     """Shape of a part; its frame sits at the centre of mass."""
 
     CAPSULE = 0  # axis along the part's z; size = diameter, diameter, length over the round ends
     BOX = 1      # size = full extents along the part's x, y, z; see also `Hexahedra`
 
 
-class Law(IntEnum):
+class Law(ArrayEnum):
     """How a bond resists and fails."""
 
     HINGE = 0   # elastic branch joint, row of `Blueprint.hinges`
     MORTAR = 1  # rigid until it breaks, row of `Blueprint.mortar`
 
 
-class JointType(IntEnum):
+class JointType(ArrayEnum):
     """Degrees of freedom that a joint of a mechanism fixes; numbered as the engine's."""
 
     WELD = 1    # all

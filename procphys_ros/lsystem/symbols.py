@@ -15,16 +15,16 @@
 
 """Symbols that the turtle understands: movement, drawing and the physics of wood."""
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.environment import KINDS
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
 
 
-class Op(IntEnum):
+class Op(ArrayEnum):
     """Action of the turtle for a module."""
 
     NOTHING = 0

@@ -23,12 +23,12 @@ for text markers only.
 """
 
 from collections.abc import Sequence
-from enum import IntEnum
 import struct
 from typing import Any
 
 import numpy as np
 
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
 
 Colour = tuple[float, float, float, float]
@@ -40,7 +40,7 @@ Chunk = bytes | memoryview
 """Markers as they go into a message: contiguous bytes."""
 
 
-class MarkerType(IntEnum):
+class MarkerType(ArrayEnum):
     """Used values of Marker.type."""
 
     CUBE = 1
@@ -51,7 +51,7 @@ class MarkerType(IntEnum):
     TRIANGLE_LIST = 11
 
 
-class Action(IntEnum):
+class Action(ArrayEnum):
     """Marker.action."""
 
     ADD = 0

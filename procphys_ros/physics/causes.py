@@ -14,10 +14,10 @@
 
 """Causes of failure of bonds, for trees and masonry, numbered as in `~/breaks`."""
 
-from enum import IntEnum
+from procphys_ros.elementary.array_enum import ArrayEnum
 
 
-class Cause(IntEnum):
+class Cause(ArrayEnum):
     """Cause of the failure of a bond."""
 
     FORCE = 0        # transmitted force above the limit of a branch's or a mechanism's joint

@@ -17,13 +17,13 @@
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from enum import IntEnum
 import numbers
 from typing import Any
 
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.errors import CommandError, nearest_names
 from procphys_ros.physics.air import CUBE_DRAG, CYLINDER_DRAG, FOLIAGE_DRAG
 from procphys_ros.scene import SceneObject
@@ -139,7 +139,7 @@ class PartNames:
         return nearest_names(owner, self._objects)
 
 
-class Owner(IntEnum):
+class Owner(ArrayEnum):
     """The subsystem that moves a part; every part has exactly one owner at any time."""
 
     STANDING = 0  # frozen in a wall, until the stress solver or a blow releases it

@@ -16,16 +16,17 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import ArrayLike
+
+from procphys_ros.elementary.array_enum import ArrayEnum
 
 MICRO = 1_000_000  # micrometres per metre
 SPAN = 2  # spans have an even number of pieces, to break in the middle, where they bend most
 
 
-class Joint(IntEnum):
+class Joint(ArrayEnum):
     """Fastening of a part to its neighbours."""
 
     MORTAR = 0   # laid in mortar

@@ -15,7 +15,6 @@
 """Cloud: puffs of dust that drift, disperse and settle, in a ring buffer."""
 
 from collections.abc import Callable
-from enum import IntEnum
 import math
 from typing import NamedTuple
 
@@ -23,6 +22,7 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cbrt, exp, expm1, hypot, log, standard_normal
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
@@ -46,7 +46,7 @@ _STILL_MIXING = 0.02  # [m²/s] mixing by falling rubble in still air; our choic
 _THINNEST = 1e-4  # optical depth below which a puff is invisible
 
 
-class PuffState(IntEnum):
+class PuffState(ArrayEnum):
     """State of a puff."""
 
     GONE = 0      # dispersed, or an unused row

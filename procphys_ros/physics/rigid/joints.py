@@ -24,13 +24,13 @@ passes make velocities consistent there: energy is conserved (RATTLE; Andersen 1
 Phys. 52, 24-34).
 """
 
-from enum import IntEnum
 import math
 from typing import NamedTuple
 
 import numpy as np
 
 from procphys_ros.compilation import kernel, subroutine
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.elementary.functions import atan2
 from procphys_ros.geometry.rotation_kernels import matrix_rows
 from procphys_ros.physics.rigid.body_rows import EASE, eased, lightened, rotated, SPEED, SPIN, WAY
@@ -47,7 +47,7 @@ from procphys_ros.physics.rigid.vectors import (
 )
 
 
-class JointKind(IntEnum):
+class JointKind(ArrayEnum):
     """Degrees of freedom that a joint fixes; axes are those of its frame in the second body."""
 
     GONE = 0    # unused row

@@ -15,12 +15,12 @@
 
 """State of the forest: flat arrays shared by the passes of the kernel."""
 
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.physics.trees import anchors, layout
 from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
 
@@ -28,7 +28,7 @@ from procphys_ros.physics.trees.spatial import FACTOR_WIDTH, WIDTH
 POINT, FIRST, SECOND, AXIS = 0, 3, 6, 9
 
 
-class SegmentJoint(IntEnum):
+class SegmentJoint(ArrayEnum):
     """Joint between a segment and its parent."""
 
     SWING = 0   # bends in two directions

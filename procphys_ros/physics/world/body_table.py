@@ -15,18 +15,18 @@
 """Body table: the state and shapes of all bodies of a world as columns, a row per id."""
 
 from collections.abc import Sequence
-from enum import IntEnum
 
 import numpy as np
 
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
+from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.world.loose_bodies import LooseBody, radii
 from procphys_ros.physics.world.pieces import Pieces
 
 
-class BodyState(IntEnum):
+class BodyState(ArrayEnum):
     """State of motion of a body."""
 
     GONE = 0       # unused row
