@@ -64,6 +64,8 @@ def group_ranges(starts: np.ndarray, threads: int) -> np.ndarray:
     """
     rows, groups = int(starts[-1] - starts[0]), len(starts) - 1
     count = max(1, min(threads, rows // _WORTH, groups))
+    if count == 1:
+        return np.array([0, groups])
     at = starts[0] + np.arange(1, count) * rows // count
     return np.concatenate([[0], np.searchsorted(starts[:-1], at), [groups]])
 

@@ -22,7 +22,7 @@ from typing import cast
 
 import numpy as np
 
-from procphys_ros.geometry.linear import norm, product
+from procphys_ros.geometry.linear import cross, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, punched, Resistance, together
@@ -168,7 +168,7 @@ def strike(model: Model, state: State, part: int, linear: np.ndarray, angular: n
     size = float(norm(linear))
     chosen = np.array([part])
     mass = float(state.parts.mass[part])
-    turn = angular + np.cross(point - state.parts.poses[part, :3], linear)
+    turn = angular + cross(point - state.parts.poses[part, :3], linear)
     if size > 0.0:
         blow = Strike(linear / size, size / float(contact_time(mass)), 0.0, size)
         out = drive_out(state, chosen, blow)
@@ -222,7 +222,7 @@ def about_centres(state: State, parts: np.ndarray, points: np.ndarray,
     :returns: these, and their moments, (K, 6).
     """
     arms = points - state.parts.poses[parts, :3]
-    return np.hstack([pushes, np.cross(arms, pushes)])
+    return np.hstack([pushes, cross(arms, pushes)])
 
 
 def apply_impulse_around(state: State, bonds: np.ndarray, parts: np.ndarray,

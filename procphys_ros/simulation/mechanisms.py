@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, FASTEST, GROUND, Joints, JointType
 from procphys_ros.errors import CommandError, nearest_names, SceneError
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.linear import cross, norm
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry.components import groups, label
@@ -238,7 +238,7 @@ def press_plates(model: Model, state: State, dt: float) -> None:
     wrench, stirs = np.zeros((len(ids), 6)), np.zeros(len(ids), bool)
     arm = place[used] - bodies.poses[body[used], :3]
     np.add.at(wrench, owner, share[used] * np.hstack([
-        force[used], moment[used] + np.cross(arm, force[used])]))
+        force[used], moment[used] + cross(arm, force[used])]))
     np.logical_or.at(stirs, owner, felt[used])
     turn = bodies.poses[ids, 3:]
     spin = rotation.rotate(rotation.conjugate(turn), wrench[:, 3:]) / bodies.inertia[ids]
@@ -268,8 +268,8 @@ def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
     columns, world, rows = state.parts, state.world, np.arange(len(parts))
     pose = rotation.compose(world.poses(columns.body[parts]), columns.local[parts])
     velocity = _mean_velocities(state, columns.body[parts])
-    velocity[:, :3] += np.cross(velocity[:, 3:],
-                                pose[:, :3] - world.poses(columns.body[parts])[:, :3])
+    velocity[:, :3] += cross(velocity[:, 3:],
+                             pose[:, :3] - world.poses(columns.body[parts])[:, :3])
     local = np.zeros((len(parts), len(_PATCHES), 3))
     for k in (1, 2):
         axis = (normal + k) % 3
@@ -278,11 +278,11 @@ def _plate_forces(state: State, parts: np.ndarray, normal: np.ndarray,
     across = rotation.rotate(pose[:, 3:], np.eye(3)[normal])[:, None]
     points = pose[:, None, :3] + arm
     air = state.wind.velocity(points.reshape(-1, 3), state.time).reshape(points.shape)
-    slip = air - velocity[:, None, :3] - np.cross(velocity[:, None, 3:], arm)
+    slip = air - velocity[:, None, :3] - cross(velocity[:, None, 3:], arm)
     speed = (slip * across).sum(axis=2)
     factor = 0.5 * AIR_DENSITY * PLATE_DRAG * area / len(_PATCHES)
     force = (factor[:, None] * np.abs(speed) * speed)[..., None] * across
-    return (pose[:, :3], force.sum(axis=1), np.cross(arm, force).sum(axis=1),
+    return (pose[:, :3], force.sum(axis=1), cross(arm, force).sum(axis=1),
             factor * np.abs(speed).sum(axis=1))
 
 
@@ -354,8 +354,8 @@ def read_joints(model: Model, state: State) -> JointReadings:
     one, other = world.velocities(engine.first), world.velocities(engine.second)
     turns = engine.kind == JointType.HINGE
     at = frame[:, :3]
-    slip = (one[:, :3] + np.cross(one[:, 3:], point - world.poses(engine.first)[:, :3])
-            - other[:, :3] - np.cross(other[:, 3:], point - world.poses(engine.second)[:, :3]))
+    slip = (one[:, :3] + cross(one[:, 3:], point - world.poses(engine.first)[:, :3])
+            - other[:, :3] - cross(other[:, 3:], point - world.poses(engine.second)[:, :3]))
     slip[turns] = one[turns, 3:] - other[turns, 3:]
     position = engine.way.copy()
     rope = engine.kind == JointType.ROPE

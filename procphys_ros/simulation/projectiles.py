@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import norm, product
+from procphys_ros.geometry.linear import cross, norm, product
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import ALIKE, contact_time
 from procphys_ros.physics.loads import (
@@ -187,7 +187,7 @@ def _next_hit(model: Model, state: State, missile: Missile, pose: np.ndarray, wa
         forest = state.forest
         moving = forest.velocities[tree.index]
         arm = tree.point - forest.poses[tree.index, :3]
-        slip = velocity - moving[:, :3] - np.cross(moving[:, 3:], arm)
+        slip = velocity - moving[:, :3] - cross(moving[:, 3:], arm)
         closes = np.einsum('ki,ki->k', tree.normal, slip) < -_SLOW
         fresh = ~np.isin(tree.index, list(passed))
         tree = _take(tree, closes & fresh)

@@ -24,7 +24,7 @@ import numpy as np
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import cos
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.linear import cross, norm
 from procphys_ros.physics.terrain import height_at
 from procphys_ros.physics.trees import anchors, carried_rows, CAUSES, Forest
 from procphys_ros.physics.trees.subset import write_between
@@ -305,7 +305,7 @@ def load_climbed_walls(model: Model, state: State) -> None:
     force = -_pulls(state.forest, climbers.row[chosen])
     host = climbers.anchors.host[chosen]
     arm = climbers.place[chosen] - model.blueprint.poses[host, :3]
-    state.loads.follow(_HOLD_LAYER, host, np.hstack([force, np.cross(arm, force)]))
+    state.loads.follow(_HOLD_LAYER, host, np.hstack([force, cross(arm, force)]))
 
 
 def _let_go(model: Model, state: State) -> None:
@@ -331,7 +331,7 @@ def _follow_trees(model: Model, state: State, dt: float) -> None:
     if not len(row):
         return
     place, velocity = forest.poses[host, :3] + arm, forest.velocities[host]
-    speed = velocity[:, :3] + np.cross(velocity[:, 3:], arm)
+    speed = velocity[:, :3] + cross(velocity[:, 3:], arm)
     pull = forest.rest_anchors[row, anchors.FORCE:] - _pulls(forest, row)
     felt = np.ones(len(row), bool)
     if state.trees.lod is not None:  # a tree that stands still absorbs no impulse

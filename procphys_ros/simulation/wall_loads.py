@@ -18,6 +18,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.elementary import exp, expm1
+from procphys_ros.geometry.linear import cross
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
 from procphys_ros.physics.world import Contacts
@@ -167,4 +168,4 @@ def _press_parts(state: State, standing: np.ndarray, contacts: Contacts, rate: f
     sign = np.where(side[rows] >= 0, rate, -rate)
     force = sign[:, None] * contacts.impulse[rows]
     arm = contacts.point[rows] - state.parts.poses[part[rows], :3]
-    np.add.at(out, part[rows], np.hstack([force, np.cross(arm, force)]))
+    np.add.at(out, part[rows], np.hstack([force, cross(arm, force)]))

@@ -149,8 +149,10 @@ def around(outline: np.ndarray, sides: list[Zone], least: float, joint: float
     """
     pieces: list[np.ndarray] = []
     last: Zone | None = None
-    for zone in sides:
-        piece = within(outline, zone.planes)
+    planes = np.array([zone.planes for zone in sides])
+    beyond = product(planes[..., :2], outline.T) >= planes[..., 2:]
+    for zone, apart in zip(sides, beyond.all(axis=2).any(axis=1).tolist()):
+        piece = outline[:0] if apart else within(outline, zone.planes)
         if area(piece) < _NOTHING:
             last = None
             continue

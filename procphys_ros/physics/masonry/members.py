@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.linear import cross, norm
 
 _STRAIGHT = 0.99  # least cosine between the normals of two joints and the line between them
 
@@ -97,7 +97,7 @@ def with_largest_moments(within: MemberPieces, alive: np.ndarray, centroid: np.n
             + end * np.einsum('kij,kj->ki', axes[far], wrench[far, :3]))
     first = -start * np.einsum('kij,kj->ki', axes[near], wrench[near, 3:])
     last = end * np.einsum('kij,kj->ki', axes[far], wrench[far, 3:])
-    bow = -0.5 * np.cross(way, pull)
+    bow = -0.5 * cross(way, pull)
     rise, bow, first = (np.einsum('kji,kj->ki', axes[near], moment)[:, :2]
                         for moment in (last - first - bow, bow, first))
     with np.errstate(divide='ignore', invalid='ignore'):

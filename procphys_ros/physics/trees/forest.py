@@ -21,7 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import norm, product
+from procphys_ros.geometry.linear import cross, norm, product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.trees import (
     anchors,
@@ -318,7 +318,7 @@ class Forest:
     def _bending(self, rows: np.ndarray, ways: np.ndarray) -> np.ndarray:
         """Compute the bends that move segments in some directions, (K, 2)."""
         frame = self._state.frame[rows]
-        about = np.cross(frame[:, state.AXIS:], ways)
+        about = cross(frame[:, state.AXIS:], ways)
         return np.column_stack([(about * frame[:, start:start + 3]).sum(axis=1)
                                 for start in (state.FIRST, state.SECOND)])
 
@@ -395,7 +395,7 @@ class Forest:
             ready, left = left[~waits], left[waits]
             up = self.parents[ready]
             arm, spin = now.poses[ready, :3] - now.poses[up, :3], now.velocities[up, 3:]
-            now.velocities[ready, :3] = now.velocities[up, :3] + np.cross(spin, arm)
+            now.velocities[ready, :3] = now.velocities[up, :3] + cross(spin, arm)
             now.velocities[ready, 3:] = spin
             now.carried[ready] = now.velocities[ready]
 
@@ -537,7 +537,7 @@ class Forest:
         turn = np.asarray(angular, float)
         if point is not None:
             arm = np.asarray(point, float) - self.poses[row, :3]
-            turn = turn + np.cross(arm, linear)
+            turn = turn + cross(arm, linear)
         spin = product(axis, turn)
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]

@@ -315,11 +315,10 @@ def _front_speed(gust: Gust, mean: np.ndarray, direction: np.ndarray) -> float:
 
 def _wind_axes(mean: np.ndarray, speed: float) -> tuple:
     """Return unit vectors along the wind, across it (horizontal) and up from it."""
-    along = mean / speed if speed > 0.0 else np.array([1.0, 0.0, 0.0])
-    across = np.array([-along[1], along[0], 0.0])
-    level = norm(across)
-    across = across / level if level > 1e-9 else np.array([0.0, 1.0, 0.0])
-    return tuple(tuple(axis.tolist()) for axis in (along, across, np.cross(along, across)))
+    x, y, z = (mean / speed).tolist() if speed > 0.0 else (1.0, 0.0, 0.0)
+    level = float(np.sqrt(x * x + y * y))
+    u, v = (-y / level, x / level) if level > 1e-9 else (0.0, 1.0)
+    return (x, y, z), (u, v, 0.0), (y * 0.0 - z * v, z * u - x * 0.0, x * v - y * u)
 
 
 def _for_kernel(eddies: Eddies) -> tuple:

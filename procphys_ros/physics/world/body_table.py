@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.blueprint import box_inertia, Hexahedra, Shape
 from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.linear import norm
+from procphys_ros.geometry.linear import cross, norm
 from procphys_ros.physics.world.loose_bodies import LooseBody, radii
 from procphys_ros.physics.world.pieces import Pieces
 
@@ -239,7 +239,7 @@ class BodyTable:
         turn = np.zeros(3) if angular is None else np.array(angular, float)
         if point is not None:
             arm = np.asarray(point) - self.poses[body, :3]
-            turn = turn + np.cross(arm, impulse)
+            turn = turn + cross(arm, impulse)
         attitude = self.poses[body, 3:]
         spin = rotation.rotate(rotation.conjugate(attitude), turn) / self.inertia[body]
         return np.concatenate([np.asarray(impulse) / self.mass[body],
