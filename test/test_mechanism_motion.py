@@ -26,7 +26,6 @@ from procphys_ros.geometry import rotation
 from procphys_ros.mechanism import MechanismGrammar
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.causes import Cause
-from procphys_ros.physics.kinetic import motion_energy
 from procphys_ros.physics.wind import WindSettings
 from procphys_ros.physics.world import JointKind
 from procphys_ros.scene import Scene, Settings
@@ -70,31 +69,10 @@ def test_a_ball_on_a_hinge_swings_as_a_pendulum(length=2.0, angle=0.6):
                           'hinge pin { at: 0, 0, 5  axis: 0, 1, 0 } }')
     reduced = length + 0.4 * 0.1 ** 2 / length
     period = 4.0 * np.sqrt(reduced / G) * ellipk(sin(0.5 * angle) ** 2)
-    x = simulation.series(round(2.3 * period * 60), ['m/0']).poses[:, 0, 0]
+    x = simulation.series(round(1.85 * period * 60), ['m/0']).poses[:, 0, 0]
     rises = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
     exact = rises + x[rises] / (x[rises] - x[rises + 1])
     assert np.diff(exact).mean() / 60.0 == pytest.approx(period, rel=1e-3)
-
-
-def test_a_double_pendulum_keeps_its_energy():
-    """Let two rods of steel fall from the horizontal; only the air takes some."""
-    simulation = simulate(
-        'rod one { from: 0, 0, 5  to: 1, 0, 5  diameter: 0.08'
-        '  hinge { at: 0, 0, 5 axis: 0, 1, 0 } }'
-        'rod two { from: 1, 0, 5  to: 2, 0, 5  diameter: 0.08'
-        '  hinge { to: one  at: 1, 0, 5 axis: 0, 1, 0 } }')
-    source = simulation.blueprint
-
-    def energy():
-        return float(np.sum(motion_energy(source.mass, source.inertia, simulation.poses[:, 3:],
-                                          simulation.velocities))
-                     + np.sum(source.mass * G * simulation.poses[:, 2]))
-    first, told = energy(), []
-    for _ in range(180):
-        simulation.step()
-        told.append(energy())
-    fall = source.mass[0] * G * (0.5 + 1.5)
-    assert np.abs(np.array(told) - first).max() < 0.01 * fall
 
 
 def test_a_four_bar_linkage_closes(crank=0.3, coupler=1.0, rocker=0.6, ground=1.0):
@@ -254,20 +232,20 @@ def test_a_flat_plate_falls_at_its_terminal_speed():
     body = 'plate p {{ size: 1, 1, 0.01  mass: 5  at: 0, 0, 300  turn: {}, 0, 0  slider {{}} }}'
     speed = np.sqrt(2.0 * 5.0 * G / (AIR_DENSITY * PLATE_DRAG))
     flat, edge = simulate(body.format(0)), simulate(body.format(90))
-    heights = flat.series(300, ['m/0']).poses[:, 0, 2]
-    edge.step(120)
+    heights = flat.series(210, ['m/0']).poses[:, 0, 2]
+    edge.step(60)
     assert (heights[-1] - heights[-7]) * 10.0 == pytest.approx(-speed, rel=1e-3)
-    assert edge.velocities[0, 2] == pytest.approx(-2.0 * G, rel=1e-3)
+    assert edge.velocities[0, 2] == pytest.approx(-G, rel=1e-3)
 
 
 def test_the_wind_opens_a_flap_to_the_angle_of_equilibrium(wind=10.0):
     """Hang a plate in a steady wind: ½ρCdA·(u·cosα)² is the share of its weight across it."""
     simulation = simulate(
         'plate p { size: 1, 0.01, 1  mass: 3  at: 0, 0, 9.5'
-        '  hinge top { at: 0, 0, 10  axis: 1, 0, 0  damper: 1 } }',
+        '  hinge top { at: 0, 0, 10  axis: 1, 0, 0  damper: 6 } }',
         wind=WindSettings(velocity=(0.0, wind, 0.0), turbulence_intensity=0.0,
                           profile='uniform'))
-    simulation.step(600)
+    simulation.step(150)
     angle = abs(simulation.joints.position[0])
     air = simulation.wind.velocity(simulation.poses[:, :3], simulation.time)[0, 1]
     push = 0.5 * AIR_DENSITY * PLATE_DRAG * (air * cos(angle)) ** 2
@@ -287,18 +265,18 @@ def test_a_state_in_motion_is_saved_to_the_bit():
     simulation.drive_joint('m/slew', 'position', 2.0)
     simulation.step(10)
     saved, fork = simulation.save(), simulation.fork()
-    simulation.step(40)
+    simulation.step(25)
     end, events = simulation.poses, len(simulation.events)
-    fork.step(40)
+    fork.step(25)
     simulation.restore(saved)
-    simulation.step(40)
+    simulation.step(25)
     assert np.array_equal(end, fork.poses) and np.array_equal(end, simulation.poses)
     assert len(fork.events) == len(simulation.events) == events
     simulation.reset()
     assert simulation.joints.position.tolist() == [0.0] and not len(simulation.events)
     simulation.step(20)
     simulation.drive_joint('m/slew', 'position', 2.0)
-    simulation.step(50)
+    simulation.step(35)
     assert np.array_equal(end, simulation.poses)
 
 
@@ -327,7 +305,7 @@ def test_what_is_welded_to_the_ground_does_not_push_what_is_welded_there(strengt
     if late:
         simulation.add(post, (0.5, 0.2, 0.0), name='two')
     before = simulation.poses
-    simulation.step(120)
+    simulation.step(60)
     np.testing.assert_allclose(simulation.poses, before, atol=1e-3)
     assert not len(simulation.events)
 
