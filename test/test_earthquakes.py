@@ -189,13 +189,13 @@ def _cantilever(angular, place):
 @pytest.mark.parametrize('frequency', [0.6, 3.0])
 def test_a_tree_sways_by_its_transfer_function(frequency):
     """Shake a beam below and above its first frequency of 1.67 Hz: its last segment follows."""
-    time, angular = np.arange(0.0, 30.0, 0.01), 2.0 * math.pi * frequency
-    shaken = 0.5 * np.minimum(time / 15.0, 1.0) * np.sin(angular * time)
+    time, angular = np.arange(0.0, 16.0, 0.01), 2.0 * math.pi * frequency
+    shaken = 0.5 * np.minimum(time / 8.0, 1.0) * np.sin(angular * time)
     simulation = _simulation(tuple(zip(time.tolist(), shaken.tolist())), beam(20), 1.0 / 120.0)
     simulation.shake()
-    simulation.step(20 * 120)
+    simulation.step(10 * 120)
     way = []
-    for _ in range(9 * 120):
+    for _ in range(5 * 120):
         simulation.step()
         way.append(simulation.poses[-1, 0])
     waves = angular * np.arange(len(way)) / 120.0
@@ -247,9 +247,11 @@ def test_strong_shaking_brings_a_gable_wall_down_and_weak_shaking_nothing():
         for seed in range(2):
             fork = simulation.fork()
             fork.shake(Earthquake(peak=peak, duration=4.0, seed=seed, direction=(0.0, 1.0, 0.0)))
-            fork.step(240)
-            fallen.setdefault(peak, []).append(
-                np.count_nonzero(fork.poses[:len(plan), 2] < plan.poses[:, 2] - 0.1))
+            down = 0
+            while down <= 0.3 * len(plan) and fork.time < 4.0:
+                fork.step(20)
+                down = np.count_nonzero(fork.poses[:len(plan), 2] < plan.poses[:, 2] - 0.1)
+            fallen.setdefault(peak, []).append(down)
     assert fallen[0.5] == [0, 0]
     assert min(fallen[15.0]) > 0.3 * len(plan)
 
@@ -265,11 +267,11 @@ def test_a_saved_and_a_forked_earthquake_go_on_to_the_bit():
     simulation.step(90)
     assert simulation.ground_acceleration.any()
     data, fork = simulation.save(), simulation.fork()
-    simulation.step(120)
-    fork.step(120)
+    simulation.step(60)
+    fork.step(60)
     assert np.array_equal(fork.poses, simulation.poses)
     fork.restore(data)
-    fork.step(120)
+    fork.step(60)
     assert np.array_equal(fork.poses, simulation.poses)
     assert simulation.bonds_broken > 0
     fork.reset()
