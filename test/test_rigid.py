@@ -253,8 +253,8 @@ def test_a_block_rocks_as_housner_has_it(time_step):
 
 @pytest.mark.parametrize('time_step', [1 / 60, 1 / 240])
 def test_dominoes_fall_one_by_one(time_step):
-    """Push the first of 26: all fall, at a speed that hardly depends on the step."""
-    count, height, pitch = 26, 0.24, 0.13
+    """Push the first of 20: all fall, at a speed that hardly depends on the step."""
+    count, height, pitch = 20, 0.24, 0.13
     table, ids, engine = bodies([(pitch * n, 0.0, 0.5 * height) for n in range(count)],
                                 [0.05, 0.12, height], np.full(count, 2.6))
     table.velocities[ids[0]] = [0.4, 0.0, 0.0, 0.0, 4.0, 0.0]
@@ -266,7 +266,7 @@ def test_dominoes_fall_one_by_one(time_step):
         if np.isfinite(fell).all():
             break
     assert np.isfinite(fell).all()
-    speed = 12 * pitch / (fell[22] - fell[10])
+    speed = 9 * pitch / (fell[17] - fell[8])
     assert speed == pytest.approx(0.825 * np.sqrt(9.81 * height), rel=0.05)
 
 
@@ -340,7 +340,7 @@ def test_threads_change_no_bit(monkeypatch):
         places[:, 2] += 0.1 * (np.arange(len(heap)) % 12)
         table, ids, engine = bodies(places, BRICK, np.full(len(heap), 2.6))
         engine.threads = threads
-        for _ in range(60):
+        for _ in range(40):
             engine.step(DT)
         return table.poses[ids], engine.contacts()
     for one, other in zip(fall(1), fall(5)):

@@ -102,22 +102,22 @@ def test_snapshots_and_forks_go_the_same_way_until_they_are_told_otherwise():
     other.restore(data)
     assert other.time == pytest.approx(0.5)
     for run in (simulation, same, struck, other):
-        run.step(25)
+        run.step(15)
     assert_same(simulation, same)
     assert_same(simulation, other)
     assert not np.array_equal(simulation.poses, struck.poses)
     simulation.restore(data)
-    simulation.step(25)
+    simulation.step(15)
     assert_same(simulation, other)
 
 
 def test_saving_and_forking_change_nothing_with_native():
     """Save and fork while bricks fly and lie: all goes on as in a run without."""
-    saved, never = busy(0.4, 'native'), busy(0.4, 'native')
+    saved, never = busy(0.3, 'native'), busy(0.3, 'native')
     saved.save()
     fork = saved.fork()
     for run in (saved, never, fork):
-        run.step(25)
+        run.step(15)
     assert_same(saved, never)
     assert_same(fork, never)
 
@@ -334,7 +334,7 @@ def busy_world(engine):
                 at(-0.5, 0, 0.11))
     world.remove([gone])
     world.thaw(standing[:2])
-    run(world, 45)
+    run(world, 30)
     return world
 
 
@@ -366,8 +366,8 @@ def test_restored_worlds_step_alike(engine):
         arrays = through_a_file(world.save_state())
     with World.restore(arrays, engine) as first, World.restore(arrays, engine) as second:
         assert (first.bodies.state == BodyState.RESTING).any() or len(first.awake)
-        run(first, 60)
-        run(second, 60)
+        run(first, 30)
+        run(second, 30)
         assert_same_world(first, second)
 
 
@@ -380,10 +380,10 @@ def test_a_world_that_was_rebuilt_goes_on_as_its_copy(engine):
         with World.restore(arrays, engine) as copy:
             assert_same_world(world, copy)
             for each in (world, copy):
-                run(each, 30)
+                run(each, 20)
                 each.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 2))
                 each.thaw(np.flatnonzero(each.bodies.state == BodyState.FIXED))
-                run(each, 30)
+                run(each, 20)
             assert_same_world(world, copy)
 
 
@@ -392,8 +392,8 @@ def test_saving_changes_nothing(engine):
     """Save in between: what follows is the same as without."""
     with busy_world(engine) as saved, busy_world(engine) as other:
         saved.save_state()
-        run(saved, 40)
-        run(other, 40)
+        run(saved, 30)
+        run(other, 30)
         assert_same_world(saved, other)
 
 
