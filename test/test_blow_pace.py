@@ -62,7 +62,7 @@ def test_what_a_ball_brings_down_does_not_depend_on_the_pace(monkeypatch, length
             middle = 0.5 * length * 0.225
             simulation.launch(Projectile('sphere', 0.8, 2000.0, (middle, -0.75, 1.2),
                                          (0.0, 6.0, upwards)))
-            simulation.step(120)
+            simulation.step(90)
             assert simulation.state.solver.converged
             share.append(fallen(simulation, len(built)) / len(built))
             simulation.close()

@@ -180,10 +180,10 @@ def test_a_tree_felled_onto_another_comes_to_rest():
 
 
 def test_crowns_that_hit_the_ground_hardly_sink_in():
-    """Fell two pines side by side: no tip goes deeper than it moves in one step."""
+    """Fell a pine: no tip goes deeper than it moves in one step."""
     simulation = Simulation(Scene.from_parameters({
         'scene': {'objects': ['pine']}, 'wind': {'velocity': [0.0, 0.0, 0.0]},
-        'pine': {'grammar': 'pine.lsys', 'count': 2, 'layout': 'row', 'spacing': 1.5}}))
+        'pine': {'grammar': 'pine.lsys'}}))
     forest = simulation.state.forest
     sizes = simulation.blueprint.solid_size(forest.parts)
     for root in np.flatnonzero(forest.parents < 0).tolist():

@@ -199,7 +199,7 @@ def test_far_debris_is_coarser_and_near_debris_exact():
         scene.add(made, (0.0, 0.0, 6.0), name='wall')
         simulation = Simulation(scene)
         simulation.set_observer(eye)
-        simulation.step(90)  # it lands after 66
+        simulation.step(80)  # it lands after 66
         return simulation
     full = dropped((0.0, -10.0, 2.0))
     near = dropped((0.0, -10.0, 2.0), debris_distance=50.0)

@@ -112,12 +112,12 @@ def _elastica(load: float) -> float:
 
 
 def test_trees_begin_where_a_slow_ramp_takes_them():
-    """Compare all joints with those after a wind that came up in 15 s and blew for as long."""
+    """Compare all joints with those after a wind that came up in 10 s and blew for as long."""
     speed = 16.0
     fresh = _stand(5, speed)
-    ramp = _stand(5, 0.0, cues=[f'0 wind velocity={speed},0,0 ramp=15'])
+    ramp = _stand(5, 0.0, cues=[f'0 wind velocity={speed},0,0 ramp=10'])
     assert not ramp.state.forest.bends.any()
-    ramp.step(30 * 60)
+    ramp.step(20 * 60)
     wanted, found = ramp.state.forest.bends[:, :2], fresh.state.forest.bends[:, :2]
     size = np.linalg.norm(wanted, axis=1)
     off = np.linalg.norm(found - wanted, axis=1)

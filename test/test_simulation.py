@@ -203,7 +203,7 @@ def test_same_seed_and_commands_give_the_same_poses():
         simulation.set_wind((22.0, 3.0, 0.0))
         simulation.step(30)
         simulation.apply_impulse('tree_2/5', (0.0, 40.0, 0.0))
-        simulation.step(50)
+        simulation.step(30)
         return simulation
     first, second, other = run(3), run(3), run(4)
     assert first.bonds_broken > 0
@@ -248,17 +248,17 @@ def test_reset_restores_everything():
     """Bring back poses, time, whole bonds and the first wind, and repeat the same run."""
     simulation = grow(strength=8e6, count=2)
     simulation.set_wind((45.0, 0.0, 0.0))
-    simulation.step(60)
+    simulation.step(40)
     first = simulation.poses.copy()
     assert simulation.bonds_broken
     simulation.reset()
     assert np.array_equal(simulation.poses, simulation.blueprint.poses)
     assert simulation.time == 0.0 and simulation.bonds_broken == 0
-    simulation.step(60)
+    simulation.step(40)
     assert np.abs(simulation.poses - simulation.blueprint.poses).max() < 1e-9
     simulation.reset()
     simulation.set_wind((45.0, 0.0, 0.0))
-    simulation.step(60)
+    simulation.step(40)
     assert np.array_equal(simulation.poses, first)
 
 

@@ -87,7 +87,7 @@ def test_a_blast_breaks_boards_across_the_grain():
     """Set off 4 kg of TNT before a wall: many planks break in several pieces that part."""
     simulation, grain = barn()
     simulation.explode((1.6, -2.0, 1.2), 4.0)
-    simulation.step(60)
+    simulation.step(45)
     events = broken_grain(simulation, grain)
     near = events[np.linalg.norm(events['position'] - [1.6, -2.0, 1.2], axis=1) < 2.5]
     assert len(near) > 30  # further off, what broke flies on side by side

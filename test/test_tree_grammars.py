@@ -282,7 +282,7 @@ def test_stands_are_whole_after_a_gale():
     # Of 81 trees one whose wood or roots were drawn weak may go.
     stands = _stands(turbulence_intensity=0.2,
                      velocity=(15.0 * np.cos(2.0), 15.0 * np.sin(2.0), 0.0))
-    stands.step(600)
+    stands.step(400)
     assert np.isfinite(stands.poses).all()
     assert sum(_trees_broken(stands).values()) <= 1 and stands.bonds_broken <= 1
 

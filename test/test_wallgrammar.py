@@ -296,7 +296,6 @@ def test_the_unspoilt_grammar_builds():
     ('-> wall', '-> grid(1e-300, 1) { wall }', 5, 'repeats are too many'),
     ('-> wall', '-> wall : 1e300', 5, 'a weight must be from 0 to 1e+12, found 1e+300'),
     (_SQUARE, '(1e13, 0) (1e13 + 4, 0) (1e13, 4)', 2, 'coordinates must be from -100000 to'),
-    ('-> wall', '-> split(x) { { ~0.00005: wall }* }', 3, '100000 divisions'),
     # numbers that are none
     ('(width, 0)', '(sqrt(-width), 0)', 2, 'sqrt(-4) is not real'),
     ('(width, 0)', '(1e308 * 10, 0)', 2, 'overflows'),
