@@ -22,7 +22,7 @@ import pickle
 from masonry_walls import wall
 import numpy as np
 import pytest
-from scipy import ndimage, signal
+from scipy import ndimage
 
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.physics.wind import eddies, Gust, Shelter, spectra, Wind, WindSettings
@@ -93,6 +93,7 @@ def test_variance_does_not_depend_on_the_place_in_a_cell(wind):
 @pytest.mark.report('nature')
 def test_spectrum_at_a_point_is_the_target(either, measured):
     """Compare spectra of time series, averaged over places, with the target band by band."""
+    from scipy import signal  # takes a second, in every process that collects tests
     # Bands reach from 0.02 Hz to 8 Hz, wavelengths of 500 m to 1.25 m at 10 m/s; the finest waves
     # of the grid are 1 m long, and what is finer still is shared out over those below 31 m (0.32
     # Hz).
@@ -124,6 +125,7 @@ def _assert_coherence(wind, near, axis, distance, tolerance, slant=(0.0, 0.0)):
 
     :param slant: how far the places move across the wind and up per way of the wind.
     """
+    from scipy import signal  # takes a second, in every process that collects tests
     rate = 5.0
     both = np.concatenate([near, near + distance * np.eye(3)[axis]])
     times = np.arange(0.0, 400.0, 1.0 / rate)
@@ -199,6 +201,7 @@ def test_eddies_travel_with_the_mean_wind(wind):
 
 def test_slow_turbulence_is_there(wind):
     """Compare the spectrum from 1/1000 Hz to 0.05 Hz with the target, band by band."""
+    from scipy import signal  # takes a second, in every process that collects tests
     # Places 48 m apart hardly share their long waves, so that many records stand for a long one.
     # With 14 seeds the ratios have a standard deviation of at most 0.21 in the lowest band and 0.1
     # in the others; four and three of them are allowed.
