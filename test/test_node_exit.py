@@ -126,7 +126,7 @@ def test_node_ends_while_it_builds_the_first_scene(start, client):
 
 def test_node_ends_during_a_reload_and_while_paused(start, client):
     """End with the scene half built, time standing still, and somebody waiting for an answer."""
-    process = start(SCENE, forked=False)
+    process = start(SCENE)
     process.wait_for_banner()
     assert client.switch('set_pause', True).success
     assert client.set_parameter('sapling.count', 50_000).successful

@@ -537,7 +537,7 @@ class Forest:
         turn = np.asarray(angular, float)
         if point is not None:
             arm = np.asarray(point, float) - self.poses[row, :3]
-            turn = turn + cross(arm, linear)
+            turn = turn + cross(arm, np.asarray(linear))
         spin = product(axis, turn)
         self.velocities[row, :3] += np.asarray(linear, float) / body[MASS]
         self.velocities[row, 3:] += (turn - spin * axis) / body[ACROSS] + spin * axis / body[ALONG]
