@@ -122,7 +122,7 @@ def test_what_follows_is_alike_in_extent():
         placed = Placed(*place)
         simulation = placed.build('cottage.wall', defines=_SMALL)
         strike(simulation, placed)
-        simulation.step(50)
+        simulation.step(35)
         broken.append(simulation.bonds_broken)
     assert np.max(np.abs(broken - np.median(broken))) < 0.2 * np.median(broken) > 10
 
