@@ -361,8 +361,6 @@ def test_the_rope_bridge_bears_a_load_and_breaks_by_more():
         simulation.step()
 
 
-@pytest.mark.xfail(strict=True, reason='the ball rolls off the plank before, and the last domino '
-                                       'leans against the end of the plank')
 def test_the_last_domino_tips_the_seesaw():
     """Let the row fall, and the ball on the other end rise."""
     simulation = simulate('dominoes')
