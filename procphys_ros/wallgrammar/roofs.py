@@ -249,7 +249,7 @@ class Roof:
         ends = np.array([(*place, height) for arc in self.plan.arcs for place, height in (
             (arc.start, arc.low), (arc.end, arc.high)) if height > 0.0])
         near = hypot(*(ends[:, None, :2] - ends[:, :2]).transpose(2, 0, 1)) < _NEAREST
-        while (wider := near @ near).sum() > near.sum():
+        while (wider := product(near, near)).sum() > near.sum():
             near = wider
         found: list[Node] = []
         for i in np.flatnonzero(~np.tril(near, -1).any(axis=1)).tolist():
