@@ -130,6 +130,15 @@ def test_a_latch_holds_up_to_its_push():
     assert _positions(simulation)['door_0'] == pytest.approx(math.radians(80.0), abs=0.02)
 
 
+def test_a_door_opens_that_is_about_to_fall_asleep():
+    """Drive a door that has rested for almost as long as it takes to sleep: it does not."""
+    simulation = _simulation()
+    simulation.step(30)
+    simulation.drive_joint('shed/door_0', 'position', 1.0)
+    simulation.step(90)
+    assert _positions(simulation)['door_0'] > 0.9
+
+
 def test_a_storm_opens_doors_and_tears_some_off():
     """Blow at a shed: in a breeze all stay shut; a storm opens leaves, and tears some off."""
     simulation = _simulation(wind={'velocity': [0.0, -6.0, 0.0]})

@@ -256,8 +256,9 @@ class World:
         self.wake(np.stack([rows.first, rows.second]))
 
     def wake(self, ids: np.ndarray) -> None:
-        """Wake those of some bodies that sleep, (K,) ids."""
+        """Wake those of some bodies that sleep, and reset the clocks of all, (K,) ids."""
         ids = np.unique(ids)
+        self._bodies.quiet[ids] = 0.0
         self.thaw(ids[self._bodies.state[ids] == BodyState.RESTING])
 
     def remove(self, ids: np.ndarray) -> None:
@@ -329,7 +330,6 @@ class World:
             return
         self._gravity = np.array(gravity, float)
         self.wake(self._bodies.ids)
-        self._bodies.quiet[self.awake] = 0.0
         self._engine.set_gravity(self._gravity)
 
     def set_velocities(self, ids: np.ndarray, velocities: np.ndarray) -> None:
