@@ -187,6 +187,7 @@ def test_doors_are_saved_and_join():
     ('door(oak, left, 10, 90)', 'opens from 10 to 90 degrees'),
     ('door(oak, left, 0, 0)', 'not both 0'), ('door(oak, left, 0)', '"door" takes 2 names'),
     ('door(sponge, left)', 'unknown material "sponge"'), ('door(1, left)', 'expected a name'),
+    ('door(nail, left)', '"nail" joins parts and has no density'),
     ('shutters(timber, glass)', '"shutters" takes 3 names')])
 def test_leaves_that_cannot_hang_are_refused(panel, told):
     """Name what is wrong with a panel, and where."""

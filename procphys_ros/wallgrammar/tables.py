@@ -156,7 +156,7 @@ def check_panel(panel: Panel, layouts: dict[str, Layout],
 
 def check_material(name: str, materials: dict[str, Material], place: Place) -> None:
     """
-    Check that a material exists.
+    Check that a material exists, and weighs something: what joins parts does not.
 
     :param name: as written.
     :param materials: that exist.
@@ -165,6 +165,10 @@ def check_material(name: str, materials: dict[str, Material], place: Place) -> N
     if name not in materials:
         raise place.error(f'unknown material "{name}"{nearest_names(name, materials)} '
                           f'(materials: {", ".join(materials)})')
+    if not materials[name].density:
+        bodies = ', '.join(known for known, material in materials.items() if material.density)
+        raise place.error(f'"{name}" joins parts and has no density; none is built of it '
+                          f'(materials: {bodies})')
 
 
 def _known_keys(entries: dict[str, Entry], known: tuple[str, ...], what: str) -> None:
