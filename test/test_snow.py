@@ -198,8 +198,11 @@ def test_a_saved_and_a_forked_snowfall_go_on_to_the_bit():
     late = simulation.objects[-1]
     own = slice(late.first, late.first + late.count)
     assert simulation.snow[own] == pytest.approx(alone.snow, rel=1e-6)
+    simulation.reset()  # before the cue
+    assert not simulation.snow.any()
+    simulation.set_snow(60.0, 0.005)
     simulation.reset()
-    assert simulation.snow_load == SnowLoad(60.0, 0.005, 1.0)
+    assert simulation.snow_load == SnowLoad(60.0, 0.005, 0.0)
     assert simulation.snow[own] == pytest.approx(alone.snow, rel=1e-6)
 
 

@@ -68,6 +68,12 @@ def check_added(state: State, terrain: Terrain = FLAT) -> list[str]:
             + _overlapping(blueprint, objects, present, pairs))
 
 
+def burden(state: State) -> str:
+    """Name what things at rest bear."""
+    laden = state.snow.snow > 0.0 or state.snow.ice > 0.0
+    return 'its own weight and its snow' if laden else 'its own weight'
+
+
 def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) -> list[str]:
     """List the trees that break or buckle under their weight, and climbers without anchors."""
     blueprint, forest = state.blueprint, state.forest
@@ -80,7 +86,7 @@ def check_trees(state: State, objects: Sequence[SceneObject], anchors: Anchors) 
             worst = own[np.argmax(ratio[own])]
             x, y, z = blueprint.bond_frame[forest.bonds[row[worst]], :3]
             lines.append(
-                f'{thing.name} does not carry its own weight: {len(own)} of {thing.count} '
+                f'{thing.name} does not carry {burden(state)}: {len(own)} of {thing.count} '
                 f'joints are overloaded, the worst at ({x:.2f}, {y:.2f}, {z:.2f}) m by '
                 f'{ratio[worst]:.3g} times its {_CAPACITIES[Cause(cause[worst])]}')
     return lines + _buckling(state, objects) + _idle_climbers(blueprint, objects, anchors)
@@ -133,13 +139,14 @@ def log(lines: Sequence[str]) -> tuple[str, ...]:
 
 def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
                       rounds: Sequence[Failures], rows: np.ndarray,
-                      loose: np.ndarray) -> list[str]:
+                      loose: np.ndarray, bears: str = 'its own weight') -> list[str]:
     """
-    Describe the objects that crack or break under their own weight, and where first.
+    Describe the objects that crack or break under what they bear, and where first.
 
     :param rounds: of failure, in their order.
     :param rows: of the blueprint's bonds, by row of the bond graph.
     :param loose: falling parts, (K,).
+    :param bears: see `burden`.
     """
     if not rounds:
         return []
@@ -156,7 +163,7 @@ def describe_failures(blueprint: Blueprint, objects: Sequence[SceneObject],
         falls = np.count_nonzero((loose >= thing.first) & (loose < thing.first + thing.count))
         x, y, z = blueprint.bond_frame[bond[inside][0], :3]
         lines.append(
-            f'{thing.name} does not carry its own weight: '
+            f'{thing.name} does not carry {bears}: '
             f'{len(np.unique(bond[inside & ~broken]))} joints crack, '
             f'{len(np.unique(bond[inside & broken]))} break, the first at ({x:.2f}, {y:.2f}, '
             f'{z:.2f}) m; {falls} of {thing.count} parts fall')

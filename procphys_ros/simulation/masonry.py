@@ -262,7 +262,7 @@ def settle(model: Model, state: State) -> list[str]:
     loose = np.concatenate([np.zeros(0, np.intp), *pieces])
     _let_go(model, state, pieces)
     return load_checks.describe_failures(model.blueprint, model.objects, rounds,
-                                         state.solver.graph.rows, loose)
+                                         state.solver.graph.rows, loose, load_checks.burden(state))
 
 
 def solve_stresses(model: Model, state: State, dt: float) -> None:

@@ -322,8 +322,11 @@ def press_hosts(model: Model, state: State, dt: float) -> None:
     force, moment = -state.world.joints.force[ids], -state.world.joints.moment[ids]
     rests = bodies.state[hung] == BodyState.RESTING  # its joints are not solved
     force[rests] = bodies.mass[hung[rests], None] * [0.0, 0.0, -model.gravity]
-    moment[rests] = np.cross(bodies.poses[hung[rests], :3] - place[rests], force[rests])
-    moment += np.cross(place - state.parts.poses[host, :3], force)
+    moment[rests] = cross(bodies.poses[hung[rests], :3] - place[rests], force[rests])
+    axis = rotation.rotate(joints.frame[rows, 3:], np.array([1.0, 0.0, 0.0]))
+    turns = joints.kind[rows] == JointType.HINGE  # whose motors are latches: they hold elsewhere
+    moment[turns] -= (moment[turns] * axis[turns]).sum(axis=1)[:, None] * axis[turns]
+    moment += cross(place - state.parts.poses[host, :3], force)
     state.loads.follow(_LAYER, host, np.hstack([force, moment]))
 
 

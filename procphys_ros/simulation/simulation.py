@@ -80,7 +80,7 @@ class Simulation(Readings):
         given: dict[str, Any] = {'time_step': time_step, 'seed': seed, 'engine': engine}
         settings = mechanisms.settings_for(replace(scene.settings, **{
             k: v for k, v in given.items() if v is not None}), scene.blueprint)
-        self.scene = scene
+        self.scene, self._load = scene, settings.load
         self.timings: dict[str, float] = {}
         self.stages = STAGES
         self.model = compile_model(
@@ -98,13 +98,14 @@ class Simulation(Readings):
         Reset all objects to rest and undamaged, and the time to zero.
 
         Added objects stay where they were placed; removed ones stay removed; `revert` undoes
-        both. The wind returns to its last settings; snow, ice and the observer stay.
+        both. The wind returns to its last settings, snow and ice to what was last asked for, cues
+        apart; the observer stays.
         """
-        wind, observer, load = self.state.wind, self.state.observer, self.snow_load
+        wind, observer = self.state.wind, self.state.observer
         added, removed = self.state.added, self.state.removed
         self.close()
         self.model, self._flutter = additions.with_added(self._scene_model, added), None
-        self.state, _ = at_rest(self.model, wind.settings, load)
+        self.state, _ = at_rest(self.model, wind.settings, self._load)
         self.state.added = added
         known = {placed.name for placed in self.state.objects}
         for name in removed:
@@ -253,7 +254,10 @@ class Simulation(Readings):
         :returns: see `commands.apply`.
         :raises CommandError: if it cannot be carried out; nothing is changed then.
         """
-        return commands.apply(self.model, self.state, command)
+        answer = commands.apply(self.model, self.state, command)
+        if isinstance(command, SnowLoad):
+            self._load = command
+        return answer
 
     def set_wind(self, velocity: Sequence[float], ramp: float = 0.0) -> None:
         """
