@@ -460,7 +460,7 @@ def test_markers_follow_growth():
 def test_recordings_have_plants_as_they_grow(tmp_path):
     """Record markers of present sizes, and the parts of each year in the description."""
     simulation = planted(5, (5.0, 0.0, 0.0))
-    simulation.grow(rate=RATE, years=3)
+    simulation.grow(rate=3.0, years=3)
     with Recorder(simulation, tmp_path / 'run.mcap') as recorder:
         for _ in range(80):  # descriptions are a second apart
             simulation.step()
