@@ -24,6 +24,7 @@ import pytest
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
+from procphys_ros.physics.trees.breaks import FLOOR, SIDE, WEAK_X, WEAK_Y
 from procphys_ros.physics.trees.sections import hinge, kerfed
 from procphys_ros.scene import Scene
 from procphys_ros.scene.intruders import IntrudersSettings
@@ -106,19 +107,53 @@ def test_a_tree_that_leans_back_sits_on_its_stump():
 
 def test_what_is_left_of_a_joint_sags():
     """Saw a level branch from above to its middle: it sinks as its stiffness says, and holds."""
-    simulation = _simulation(bush(strength=1e9), intruder={
-        'shape': 'box', 'size': [0.01, 3.0, 0.01], 'cuts': 0.2})
+    simulation = _simulation(bush(strength=1e9))
     forest = simulation.state.forest
     axis = rotation.rotate(forest.poses[:, 3:], np.array([0.0, 0.0, 1.0]))
     size = forest.ends - np.arange(len(forest))
     row = int(np.flatnonzero((np.abs(axis[:, 2]) < 0.7) & (size > 3))[0])
     before, stiff = forest.poses[forest.ends[row] - 1, 2], forest.model.swing[row, 0]
     section = kerfed(np.array([0.5]))
-    forest.saw(np.array([row]), section, np.array([[0.0, 0.0, -1.0]]))
+    forest.begin_cuts(np.array([row]), np.array([[0.0, 0.0, -1.0]]))
+    forest.saw(np.array([row]), section)
     assert forest.model.swing[row, 0] == pytest.approx(section.stiffness[0] * stiff)
     simulation.step(300)
     assert forest.poses[forest.ends[row] - 1, 2] < before
     assert simulation.bonds_broken == 0
+
+
+def test_a_kerf_shuts_where_it_began():
+    """Saw a mast deeper, from another side: its kerf keeps its side, and shuts as far."""
+    simulation = _simulation(beam(10), intruder={
+        'shape': 'box', 'size': [0.02, 0.6, 0.02], 'cuts': 0.5},
+        wind={'velocity': [9.0, 0.0, 0.0]})
+    swing = simulation.state.forest.model.swing
+    for step in range(25):
+        simulation.place_intruder([-0.075 + 0.1 * step / 60.0, 0, 2.4, 0, 0, 0, 1])
+        simulation.step()
+    row = int(np.flatnonzero(swing[:, SIDE])[0])
+    first, deep = swing[row, [WEAK_X, WEAK_Y, FLOOR]].copy(), sum(simulation.state.kerfs.values())
+    turned = [0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5)]
+    for step in range(30):
+        place = simulation.poses[4, :2] + [0.0, -0.075 + 0.1 * step / 60.0]
+        simulation.place_intruder([*place, 2.4, *turned])
+        simulation.step()
+    assert sum(simulation.state.kerfs.values()) > deep
+    assert swing[row, [WEAK_X, WEAK_Y, FLOOR]] == pytest.approx(first, abs=1e-12)
+
+
+def test_a_saw_that_slows_down_presses_no_longer():
+    """Press a saw fast against a wall, and saw on slowly: the wall is free of its push."""
+    simulation = _simulation(wall(9, 14), intruder={
+        'shape': 'box', 'size': [0.3, 0.3, 0.3], 'cuts': 0.02})
+    y, pressed = -0.2025, False
+    for speed in (*np.full(5, 0.04), *np.full(20, 0.01)):
+        simulation.place_intruder([1.0, y, 0.55, 0.0, 0.0, 0.0, 1.0])
+        y += speed / 60.0
+        simulation.step()
+        pressed |= 'intruder intruder' in simulation.state.loads.sources
+    assert pressed
+    assert 'intruder intruder' not in simulation.state.loads.sources
 
 
 def test_a_saw_goes_through_a_branch():

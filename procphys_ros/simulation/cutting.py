@@ -70,7 +70,8 @@ def _leave_hinges(model: Model, state: State, rows: np.ndarray, command: Cut) ->
                            f'{width.min():.3g} m thick there; it must be less')
     segment, way = state.parts.row[child], np.array(command.towards, float)
     ways = np.broadcast_to(way / norm(way), (len(rows), 3))
-    state.forest.saw(segment, hinge(command.hinge / width), ways)
+    state.forest.begin_cuts(segment, ways)
+    state.forest.saw(segment, hinge(command.hinge / width))
     state.wedges.update(zip(child.tolist(), (WEDGE / width).tolist()))
     if state.trees.lod is not None:
         state.trees.lod.wake(state.trees.lod.of_rows(state.forest, segment))

@@ -99,7 +99,10 @@ def advance(model: Model, state: State, dt: float) -> None:
         if np.abs(velocity).max() > _STILL:
             _wake(state, own, velocity, dt)
         saws = norm(velocity[:3]) <= model.settings.saws.get(name, -1.0)
-        if len(model.masonry.bricks) and not saws:
+        if saws:
+            own.pressed = 0.0
+            state.loads.remove_layer(f'intruder {name}')
+        elif len(model.masonry.bricks):
             _press(model, state, name, velocity, dt)
     jets = [jet(own.path.pose[:3], rotation.rotate(own.path.pose[3:], own.thrust), own.disk)
             for own in state.intruders.values() if own.body >= 0 and norm(own.thrust) > 0.0]

@@ -119,7 +119,9 @@ def _deepen(model: Model, state: State, joints: np.ndarray, ways: np.ndarray,
     share = deep / model.blueprint.bond_extent[forest.bonds[joints], 0]
     through = share >= 1.0
     if not through.all():
-        forest.saw(joints[~through], kerfed(share[~through]), ways[~through])
+        fresh = ~through & ~forest.is_cut(joints)
+        forest.begin_cuts(joints[fresh], ways[fresh])
+        forest.saw(joints[~through], kerfed(share[~through]))
     if through.any():
         cutting.part(model, state, np.sort(forest.bonds[joints[through]]))
     if state.trees.lod is not None:

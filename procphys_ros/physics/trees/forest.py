@@ -61,6 +61,7 @@ from procphys_ros.physics.trees.layout import (
 _SAGGED, _LEANT = 1e-12, 1e-6  # [rad], [m] change of joints at which trees are in equilibrium
 _TIME_STEP = 1.0 / 60.0  # [s], for effective masses before the first step
 _INERTIA = [MASS, ACROSS, ALONG]
+_CUTS = [WEAK_X, WEAK_Y, FLOOR]
 _SPRINGS = [STIFFNESS, DAMPING, HARDENING, PRELOAD_X, PRELOAD_Y]
 
 
@@ -263,7 +264,7 @@ class Forest:
             swing, section = swing.copy(), section / self._left[:, 1]
             swing[:, _SPRINGS] /= self._left[:, :1]
             swing[:, YIELD] /= self._left[:, 1]
-            swing[:, [WEAK_X, WEAK_Y, SIDE, FLOOR]] = 0.0
+            swing[:, [*_CUTS, SIDE]] = 0.0
         return np.hstack([model.mount, body, swing, model.extra, section[:, None]])
 
     def change(self, rows: np.ndarray, constants: np.ndarray, leaves: np.ndarray) -> None:
@@ -276,34 +277,49 @@ class Forest:
         :param constants: new ones, as in `constants`, (K, 33).
         :param leaves: share of their leaf area left, 0 to 1, (K,).
         """
-        before, cuts = (self._model.body[rows][:, _INERTIA],
-                        self._model.swing[rows][:, [WEAK_X, WEAK_Y, FLOOR]])
+        before, cuts = self._model.body[rows][:, _INERTIA], self._model.swing[rows][:, _CUTS]
         for column, block in zip(self._model, growing.BLOCKS):
             column[rows] = constants[:, block]
         self._bare[rows] = self._model.body[rows][:, _INERTIA]
         self._bear(rows, before)
         self._section[rows] = constants[:, growing.SECTION]
-        self._leave(rows, self._left[rows], cuts)
+        self._model.swing[rows[:, None], _CUTS] = cuts
+        self._leave(rows, self._left[rows])
         self._foliage[rows] = self._model.body[rows, LEAF_FLOW]
         self.keep_leaves(rows, leaves)
         trees = np.unique(np.searchsorted(self.plan.start, self._entry[rows], side='right') - 1)
         pose.shift(self._plan, trees, self._model, self._state, np.empty(12))
 
-    def saw(self, rows: np.ndarray, section: sections.Section, ways: np.ndarray) -> None:
+    def begin_cuts(self, rows: np.ndarray, ways: np.ndarray) -> None:
         """
-        Reduce the joints of segments to what saws have left of them; what they hold sags.
+        Begin cuts into joints of segments, in the place of those that they have.
 
         :param rows: of the segments, (K,).
-        :param section: of their joints, whatever was left of them before.
-        :param ways: the kerf goes, (K, 3), world.
+        :param ways: the cuts go, (K, 3), world; they shut as far as they are now.
         """
-        weakest, bend = self._bending(rows, ways), self._state.bend[rows, :2]
+        frame = self._state.frame[rows]
+        about = cross(frame[:, state.AXIS:], ways)
+        weakest = np.column_stack([(about * frame[:, start:start + 3]).sum(axis=1)
+                                   for start in (state.FIRST, state.SECOND)])
         weakest /= np.maximum(norm(weakest, axis=1), 1e-12)[:, None]
+        floor = (weakest * self._state.bend[rows, :2]).sum(axis=1)
+        self._model.swing[rows[:, None], _CUTS] = np.column_stack([weakest, floor])
+
+    def saw(self, rows: np.ndarray, section: sections.Section) -> None:
+        """
+        Reduce the joints of segments to what is left of them; what they hold sags.
+
+        :param rows: of the segments, with cuts that have begun, (K,).
+        :param section: of their joints, whatever was left of them before.
+        """
         left, now = self._left[rows], np.column_stack(section)
-        floor = (weakest * bend).sum(axis=1)
-        self._leave(rows, now / left, np.column_stack([weakest, floor]))
+        self._leave(rows, now / left)
         self._left[rows] = now
         self._disturbed[rows] = True
+
+    def is_cut(self, rows: np.ndarray) -> np.ndarray:
+        """Mark the segments with cuts into their joints, (K,) bool."""
+        return (self._left[rows] != 1.0).any(axis=1)
 
     def wedge(self, rows: np.ndarray, angles: np.ndarray) -> None:
         """
@@ -315,28 +331,18 @@ class Forest:
         self._model.swing[rows, FLOOR] += angles
         self._disturbed[rows] = True
 
-    def _bending(self, rows: np.ndarray, ways: np.ndarray) -> np.ndarray:
-        """Compute the bends that move segments in some directions, (K, 2)."""
-        frame = self._state.frame[rows]
-        about = cross(frame[:, state.AXIS:], ways)
-        return np.column_stack([(about * frame[:, start:start + 3]).sum(axis=1)
-                                for start in (state.FIRST, state.SECOND)])
-
-    def _leave(self, rows: np.ndarray, factor: np.ndarray, cuts: np.ndarray) -> None:
+    def _leave(self, rows: np.ndarray, factor: np.ndarray) -> None:
         """
         Multiply what joints bear.
 
         :param factor: of stiffness, strength and the ratio of sides of their sections, (K, 3).
-        :param cuts: direction of the bends about their weakest axes, and the least bend in it,
-            at which the cut is shut [rad], (K, 3).
         """
         cut = (factor != 1.0).any(axis=1)
         rows, factor, swing = rows[cut], factor[cut], self._model.swing
         swing[rows[:, None], _SPRINGS] *= factor[:, :1]
         swing[rows, YIELD] *= factor[:, 1]
         self._section[rows] *= factor[:, 1]
-        side = np.square(factor[:, 2]) * (1.0 + swing[rows, SIDE]) - 1.0
-        swing[rows[:, None], [WEAK_X, WEAK_Y, FLOOR, SIDE]] = np.column_stack([cuts[cut], side])
+        swing[rows, SIDE] = np.square(factor[:, 2]) * (1.0 + swing[rows, SIDE]) - 1.0
 
     def carry_snow(self, rows: np.ndarray, mass: np.ndarray) -> None:
         """
