@@ -14,6 +14,7 @@
 
 """Hills in the wind: potential flow over a ridge and a round hill, and what trees on them feel."""
 
+from dataclasses import replace
 import math
 
 import numpy as np
@@ -125,6 +126,10 @@ def test_trees_on_a_crest_lean_more():
         simulation.restore(data)
         simulation.step(5)
         assert np.array_equal(simulation.poses, poses)
+        settings = simulation.scene.settings.wind
+        simulation.wind.change(replace(settings, hills=True))  # after a restored state, too
+        above = simulation.poses[[-1], :3]
+        assert simulation.wind.velocity(above, simulation.time)[0, 2] != 0.0
     assert leans[True, 'high'] > 1.1 * leans[False, 'high']
     assert leans[True, 'low'] < 0.98 * leans[False, 'low']
 

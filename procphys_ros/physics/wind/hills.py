@@ -35,7 +35,7 @@ from procphys_ros.physics.terrain import Terrain
 _NODES = 64      # of the grid along the longer side of the ground; transforms cost its third power
 _LEVELS = np.array([0.0, 1.0, 3.0, 7.0, 15.0, 30.0, 60.0, 120.0, 240.0])  # [m] above the ground
 _STEEPEST = 0.3  # slope that counts, and ...
-_MOST = 0.6      # ... gain of speed at its crest, 2·s·Φ with s = 1
+_MOST = 2.0 * _STEEPEST  # ... gain of speed at its crest, 2·s·Φ with s = 1
 
 
 class Hills(NamedTuple):

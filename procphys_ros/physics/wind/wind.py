@@ -130,7 +130,7 @@ class Wind:
         """
         self.settings = settings
         self.zones = zone_rows(settings.zones)
-        if settings.hills and self._hills is LEVEL:
+        if settings.hills and not len(self._hills.gain):
             self._hills = Hills.over(self._terrain)
 
     def prepare(self) -> None:
