@@ -31,12 +31,12 @@ from procphys_ros.compilation.threads import even_ranges, run
 from procphys_ros.elementary import functions
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import product
+from procphys_ros.physics.loads.snow import LEAF_PLAN
 from procphys_ros.physics.terrain import Terrain
 
 DIRECTIONS = 60      # looked at per query: the resolution of the answer is 1/60 of the sky
 CELL = 0.25          # [m] edge of the cells, ...
 _MOST = 8_000_000    # ... doubled until there are no more of them than this: 32 MB
-_PROJECTED = 0.5     # G: area across the light over the area of leaves in all directions
 _DARK = 20.0         # optical depth beyond which no light is left: exp(-20) is 2e-9
 _HORIZON_STEP = 1.1  # ratio of the distances at which hills are looked for
 
@@ -192,7 +192,7 @@ def _look(points, directions, clear, area, low, edge, out, first, last):
                 k = 2
             density = area[cell[0], cell[1], cell[2]]
             if density > 0.0 and next_at[k] > at:
-                depth += _PROJECTED * density * (next_at[k] - at)
+                depth += LEAF_PLAN * density * (next_at[k] - at)
             at = next_at[k]
             next_at[k] += apart[k]
             cell[k] += step[k]

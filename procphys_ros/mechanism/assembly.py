@@ -34,7 +34,7 @@ from procphys_ros.elementary import cos, sin
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.mechanism.derivation import WrittenJoint, WrittenPart
-from procphys_ros.wallgrammar.materials import Material
+from procphys_ros.wallgrammar.materials import Material, texture_numbers
 
 _USUAL = {'box': 'timber', 'plate': 'timber', 'rod': 'steel', 'ball': 'steel', 'wheel': 'timber'}
 _ACROSS = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # z of a wheel's part along its axle
@@ -56,7 +56,7 @@ def assemble(parts: Sequence[WrittenPart], joints: Sequence[WrittenJoint],
     :param materials: by name.
     """
     names, kinds = tuple(materials), tuple(dict.fromkeys(_kind(part) for part in parts))
-    textures = tuple(dict.fromkeys(m.texture or n for n, m in materials.items()))
+    textures, texture = texture_numbers(materials)
     made = [materials[usual_material(part)] for part in parts]
     sizes = np.array([_size(part) for part in parts])
     drawn, density, mass, inertia = sizes.copy(), *_weights(parts, sizes, made)
@@ -67,7 +67,6 @@ def assemble(parts: Sequence[WrittenPart], joints: Sequence[WrittenJoint],
     sizes[wheels, 2] = np.maximum(sizes[wheels, 0], sizes[wheels, 2])
     drawn[balls] *= _CORE
     drawn[wheels, :2] *= _AXLE
-    texture = np.array([textures.index(m.texture or n) for n, m in materials.items()], np.int16)
     material = np.array([names.index(usual_material(part)) for part in parts], np.int16)
     table, joint_names = _joints(joints)
     return Blueprint(

@@ -33,7 +33,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
 from procphys_ros.wallgrammar.contacts import FaceContacts
-from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, weakest
+from procphys_ros.wallgrammar.materials import Material, NAIL_AREA, texture_numbers, weakest
 
 _SHEAR_SHARE = 0.4     # of the normal stiffness: G/E = 1/(2(1+ν)) of masonry, EN 1996-1-1 3.7.3
 _THINNEST = 0.001      # [m] joint assumed for dry contacts, which are never perfectly even
@@ -164,8 +164,7 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
     """
     names = tuple(materials)
     table = list(materials.values())
-    textures = tuple(dict.fromkeys(m.texture or n for n, m in materials.items()))
-    texture = np.array([textures.index(m.texture or n) for n, m in materials.items()], np.int16)
+    textures, texture = texture_numbers(materials)
     extents = (boxes.high - boxes.low) / MICRO
     size = np.take_along_axis(extents, _ORDER[boxes.axis], axis=1)
     density = np.array([m.density for m in table])[boxes.material]

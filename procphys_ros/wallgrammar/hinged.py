@@ -25,15 +25,16 @@ from procphys_ros.wallgrammar import openings
 from procphys_ros.wallgrammar.boxes import from_cells, MICRO, stack
 from procphys_ros.wallgrammar.construction import HungLeaf
 from procphys_ros.wallgrammar.derivation import Piece
-from procphys_ros.wallgrammar.materials import Material
+from procphys_ros.wallgrammar.materials import Material, texture_numbers
 from procphys_ros.wallgrammar.openings import CLEARANCE, Wall
 
 _DOOR, _SHUTTER = 40_000, 25_000  # [µm] thickness of leaves
 _OPENS = {'door': (0.0, 110.0), 'shutters': (0.0, 170.0)}  # [degrees] when nothing is said
 _FURTHEST = 180.0  # [degrees]
-_SCREWED = 5000.0  # [N] that a hinge of steel bears, as in gate.mech
+_SCREWED = 5000.0  # [N] that a hinge of steel bears: an estimate, the same as in gate.mech
 _FRICTION = 0.5    # [N·m] in hinges, likewise
-_HELD = 75.0       # [N] push at its edge up to which a latch holds a leaf (EN 12217, class 1)
+_HELD = 75.0       # [N] push at its edge up to which a latch holds a leaf (EN 12217, class 1,
+#                    as quoted from memory)
 _REBATE = 15_000   # [µm] by which a leaf lies over its frame, which stops it
 _GAP = 1_000       # [µm] between them
 _SHUT = 5.0        # [degrees] beyond shut, which frames prevent: limits of hinges bear no slams
@@ -101,8 +102,7 @@ def hang(built: Blueprint, leaves: Sequence[HungLeaf], frames: np.ndarray,
     size = (boxes.high - boxes.low) / MICRO
     density = np.array([m.density for m in table])[boxes.material]
     mass, rows = density * size.prod(axis=1), np.arange(len(boxes))
-    textures = tuple(dict.fromkeys(m.texture or n for n, m in materials.items()))
-    texture = np.array([textures.index(m.texture or n) for n, m in materials.items()], np.int16)
+    textures, texture = texture_numbers(materials)
     kinds = tuple(dict.fromkeys(leaf.name for leaf in leaves))
     normal = np.argmin(size, axis=1)
     poses = rotation.compose(frames[boxes.frame], np.column_stack([

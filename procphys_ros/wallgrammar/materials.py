@@ -14,6 +14,7 @@
 
 """Materials: strengths and stiffness of parts, and of what joins them."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
@@ -43,6 +44,13 @@ class Material:
     modulus: float
     texture: str = ''
     reinforcement: float = 0.0
+
+
+def texture_numbers(materials: Mapping[str, Material]) -> tuple[tuple[str, ...], np.ndarray]:
+    """Return the looks of materials, each once, and the number of that of each, (M,)."""
+    looks = [material.texture or name for name, material in materials.items()]
+    textures = tuple(dict.fromkeys(looks))
+    return textures, np.array([textures.index(look) for look in looks], np.int16)
 
 
 NUMBERS = tuple(f.name for f in fields(Material) if f.name != 'texture')

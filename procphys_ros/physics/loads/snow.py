@@ -32,7 +32,7 @@ from procphys_ros.compilation import kernel
 from procphys_ros.elementary import acos, expm1, functions
 from procphys_ros.geometry import rotation
 
-LEAF_PLAN = 0.5       # G: plan area of leaves in all directions over their one-sided area
+LEAF_PLAN = 0.5       # G: area of leaves in all directions across a direction, over one side
 ICE_DENSITY = 900.0   # [kg/m³] of glaze (ISO 12494, table 1)
 _SPREAD = 0.3         # [m] about a twig, in which its leaves spread: beyond it they shade nothing
 _EDGE = 0.1           # [m] of the columns of snow that roofs are looked at in: less than a tile
