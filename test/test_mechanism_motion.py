@@ -178,6 +178,34 @@ def test_a_motor_does_the_work_that_it_is_told_to_do():
     assert work == pytest.approx(kinetic, rel=0.01)
 
 
+@pytest.mark.parametrize('rate', [30, 60, 240])
+@pytest.mark.parametrize('body, value, push, weight', [
+    # An arm of 2 m with a weight at its end, welded on; a lift, upwards and downwards.
+    ('rod arm { from: 0, 0, 5  to: 2, 0, 5  diameter: 0.08  mass: 30'
+     '  hinge drive { at: 0, 0, 5  axis: 0, 0, 1  motor: 0, 200, 60 } }'
+     'ball { diameter: 0.2  mass: 40  at: 2, 0, 5  weld { to: arm } }', 2.0,
+     200.0 / (30.0 * 4.0 / 3.0 + 40.0 * 4.016), 0.0),
+    ('box b { size: 1, 1, 1  mass: 100  at: 0, 0, 3'
+     '  slider drive { axis: 0, 0, 1  motor: 0, 2000, 2 } }', 3.0, 20.0, -G),
+    ('box b { size: 1, 1, 1  mass: 100  at: 0, 0, 5'
+     '  slider drive { axis: 0, 0, 1  motor: 0, 1200, 2 } }', -3.0, 12.0, -G)])
+def test_a_motor_brakes_in_time_for_its_target(rate, body, value, push, weight):
+    """Drive a joint to a position: it takes the time of full thrust, top speed and full brake."""
+    simulation = simulate(body, time_step=1.0 / rate)
+    simulation.drive_joint('m/drive', 'position', value)
+    way = []
+    for _ in range(5 * rate):
+        simulation.step()
+        way.append(abs(simulation.joints.position[0]))
+    top, pull = (radians(60.0) if 'hinge' in body else 2.0), np.sign(value) * weight
+    shortest = abs(value) / top + 0.5 * top / (push + pull) + 0.5 * top / (push - pull)
+    shortest -= np.sqrt(2.0 * 0.005 * abs(value) / (push - pull))  # that the last 0.5 % take
+    arrived = (np.flatnonzero(np.array(way) < 0.995 * abs(value))[-1] + 1) / rate
+    assert arrived == pytest.approx(shortest, abs=0.01 + 3.0 / rate)
+    assert max(way) < abs(value) + 0.7 * top / rate
+    assert way[-1] == pytest.approx(abs(value), rel=1e-3)
+
+
 def test_a_motor_gives_no_more_than_it_has():
     """Stall a lift that is too weak, whatever it is told."""
     simulation = simulate('box load { size: 0.2, 0.2, 0.2  mass: 10  at: 0, 0, 30'

@@ -29,6 +29,7 @@ from procphys_ros.physics.world import BodyState, DEFAULT_ENGINE, JointOptions, 
 from procphys_ros.scene import Settings
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.simulation import breaking, contact_exclusions
+from procphys_ros.simulation.composite_inertia import accelerations
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import MechanismState, State
@@ -179,13 +180,30 @@ def drive_motors(model: Model, state: State, dt: float) -> None:
     joints, ids = model.blueprint.joints.take(alive), own.joint[alive]
     speed, target, applied = own.speed[alive], own.target[alive], own.applied[alive]
     aimed, pushed, most = ~np.isnan(target), applied != 0.0, _top_speed(joints.kind)
-    wanted = (target[aimed] - world.joints.way[ids[aimed]]) / dt
     fastest = np.minimum(joints.fastest, most)[aimed]
+    gap = target[aimed] - world.joints.way[ids[aimed]]
+    mobility, falling = accelerations(world, ids[aimed])
+    wanted = _approach(gap, own.effort[alive][aimed] * mobility - np.sign(gap) * falling, dt)
     speed[aimed] = np.clip(wanted, -fastest, fastest)
     # An effort is a motor of that force which never gets to its speed.
     speed = np.where(pushed, np.sign(applied) * most, np.clip(speed, -most, most))
     speed, drive = _motors(joints, speed, np.where(pushed, np.abs(applied), own.effort[alive]))
     world.set_motors(ids, speed, np.where(pushed, np.abs(applied), drive))
+
+
+def _approach(gap: np.ndarray, braking: np.ndarray, dt: float) -> np.ndarray:
+    """
+    Return the highest speed from which a motor still stops at its target.
+
+    Time-optimal in steps of dt (Han 2009, "From PID to active disturbance rejection control",
+    eq. 13); within the last step, all of the gap.
+
+    :param gap: way that is left [m], [rad], (K,).
+    :param braking: greatest deceleration [m/s²], [rad/s²], (K,).
+    """
+    half = 0.5 * dt * np.maximum(braking, 0.0)  # half of the change of speed in a step
+    at_once = np.abs(gap) / dt
+    return np.sign(gap) * np.minimum(at_once, np.sqrt(half * (half + 4.0 * at_once)) - half)
 
 
 def _top_speed(kind: np.ndarray) -> np.ndarray:
