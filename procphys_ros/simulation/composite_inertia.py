@@ -70,5 +70,6 @@ def _along(world: World, joint: int, ids: np.ndarray) -> tuple[float, float]:
     turned = rotation.rotate(rotation.conjugate(bodies.poses[ids, 3:]),
                              np.broadcast_to(axis, (len(ids), 3)))
     lever = cross(axis, bodies.poses[ids, :3] - frame[:3])
-    moment = (bodies.inertia[ids] * turned ** 2).sum() + (mass * norm(lever, axis=1) ** 2).sum()
+    arms = np.square(norm(lever, axis=1))
+    moment = (bodies.inertia[ids] * np.square(turned)).sum() + (mass * arms).sum()
     return float(moment), float((mass * (lever * world.gravity).sum(axis=1)).sum())
