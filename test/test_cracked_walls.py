@@ -222,3 +222,27 @@ def test_rounds_under_a_blow_have_their_pace(time_step):
             cracked.append(simulation.time)
     assert len(cracked) > 1 and (simulation.events['load'] > 3.0).any()
     assert np.diff(cracked).min() > FRAME - 1e-6
+
+
+@pytest.mark.parametrize('share', [0.8, 1.0])
+@pytest.mark.parametrize('courses, course', [(16, 2), (16, 8), (16, 14), (30, 5), (30, 14)])
+def test_a_free_wall_overturns_by_the_energy_of_its_blow(courses, course, share):
+    """
+    Push a course: the wall tips beyond the energy that lifts its centre over its edge.
+
+    It does so at 0.86 of that impulse: the motion found turns about a line within the edge.
+    """
+    built, thickness = wall(12, courses), 0.1025
+    z, mass = built.poses[:, 2], built.mass.sum()
+    height, at = z.min() + z.max(), np.unique(z.round(6))[course]
+    barrier = mass * 9.81 * 0.5 * (np.hypot(height, thickness) - height)
+    impulse = share * np.sqrt(2.0 * barrier * mass / 3.0) * height / at
+    row = np.flatnonzero(np.abs(z - at) < 1e-3)
+    scene = Scene(Settings())
+    scene.add(built)
+    simulation = Simulation(scene)
+    masonry.apply_impulses(simulation.state, row,
+                           np.tile([0.0, impulse / len(row), 0.0], (len(row), 1)), speed=10.0)
+    simulation.step(40)
+    stands = simulation.state.standing[:len(built)]
+    assert not stands.any() if share == 1.0 else stands.all()

@@ -223,7 +223,8 @@ def _extend_columns(model: Model, state: State) -> None:
     blasts, rubble = state.blasts, state.rubble
     blasts.momentum, blasts.pulse = _padded(blasts.momentum, parts), _padded(
         blasts.pulse, parts, np.inf)
-    rubble.load = _padded(rubble.load, parts)
+    rubble.given = _padded(rubble.given, parts)
+    rubble.rocked = _padded(rubble.rocked, parts)
     load = np.zeros(len(model.glass.parts))
     load[:len(state.glass.load)] = state.glass.load
     state.glass.load = load

@@ -48,7 +48,7 @@ from procphys_ros.simulation.blows import STILL
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
-from procphys_ros.simulation.wall_loads import DEBRIS_INTERVAL, SMOOTHING
+from procphys_ros.simulation.wall_loads import DEBRIS_INTERVAL
 
 _ROUNDING = 1e-5  # [J/kg] gain allowed per step
 _SOLVED = 0.02    # relative accuracy of the solution of contacts
@@ -167,7 +167,7 @@ def press_walls(model: Model, state: State, dt: float) -> None:
         on_brick = contacts.part >= 0
         np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
         masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
-    mean -= expm1(-dt / SMOOTHING) * beyond
+    mean -= expm1(-dt / DEBRIS_INTERVAL) * beyond
     felt = (norm(mean[:, :3], axis=1) > _LEAST) | (beats > _LEAST)
     own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
     own.since += dt

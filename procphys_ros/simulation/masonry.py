@@ -28,7 +28,7 @@ from procphys_ros.physics.impact import contact_time
 from procphys_ros.physics.masonry import Failures, punched, Resistance, together
 from procphys_ros.physics.masonry.components import groups
 from procphys_ros.progress import staged
-from procphys_ros.simulation import breaking, load_checks
+from procphys_ros.simulation import breaking, load_checks, wall_loads
 from procphys_ros.simulation.model import Model, SETTLING
 from procphys_ros.simulation.state import State
 
@@ -41,8 +41,6 @@ _PACE = 1200.0   # [1/s] iterations of the stress solver per simulated second, a
 _ROUND = 6.0     # ... times as many where the budget allows: enough for some rounds in 1/60 s; ...
 _WORK = 1e7      # [1/s] ... of parts times iterations under blows, and while joints open and
 #                 close: real time at 0.1 µs each; linear problems, solved once, have no bound
-_TIPPING = 0.15  # [m/s] of its middle, at which a wall of thickness t and height h tips over:
-#                  √(3·g·t²/(8·h)) is 0.12 for a storey half a brick thick, 0.25 for one brick
 
 
 @dataclass(frozen=True)
@@ -323,9 +321,11 @@ def _advance(model: Model, state: State, iterations: int,
     if is_stable(state):
         return [], []
     if state.loads.struck:
-        rounds = _withstand(state, iterations)
+        rounds = _withstand(model, state, iterations)
     else:
-        rounds = state.fracture.advance(iterations, most=most)
+        passes = len(state.loads.layer(wall_loads.DEBRIS_LAYER)[0]) > 0
+        rounds = state.fracture.advance(iterations, most,
+                                        partial(_ride_out, model, state) if passes else None)
     standing = state.standing[:model.masonry.graph.count]
     loose = standing & ~state.solver.supported
     pieces = groups(state.solver.labels, loose) if loose.any() else []
@@ -342,41 +342,68 @@ def _advance(model: Model, state: State, iterations: int,
     return pieces, rounds
 
 
-def _withstand(state: State, iterations: int) -> list[Failures]:
+def _withstand(model: Model, state: State, iterations: int) -> list[Failures]:
     """Iterate the stresses under blows; return the failures, and end blows that are over."""
     loads = state.loads
     rounds, over = state.fracture.withstand(iterations, loads.largest_blow,
-                                            partial(_ride_out, state), loads.cracked)
+                                            partial(_ride_out, model, state), loads.cracked)
     if over:
         loads.end_blows()
     return rounds
 
 
-def _ride_out(state: State, moved: np.ndarray) -> bool:
+def _ride_out(model: Model, state: State, moved: np.ndarray) -> bool:
     """
-    End blows under which a cracked wall rocks without overturning; return whether it does.
+    End loads that pass, under which a cracked wall rocks without overturning.
 
-    The equivalent static force is that on a wall that vibrates elastically. A mechanism has no
-    such period: only the momentum along the path of its middle counts; the force on the ground
-    moves nothing. Overturned parts get it, and become no faster than the striking body. On shaken
-    ground nobody can tell beforehand: mechanisms rock as loose bodies.
+    Static forces are those on a wall that vibrates elastically, or that debris keeps up. A
+    mechanism moves instead: the impulses that do work on its motion give it energy, and it
+    overturns if this exceeds the energy at which its centre stands over its edge (Housner 1963).
+    The force on the ground moves nothing. Overturned parts get the speed of their motion, and
+    become no faster than the striking body. On shaken ground nobody can tell beforehand:
+    mechanisms rock as loose bodies.
 
     :param moved: parts that a mechanism moves, (K,).
+    :returns: whether it rocks, so that blows and debris load it no more.
     """
-    waves = state.blasts.momentum[moved]  # which `_let_go` applies
-    whole = float(state.parts.mass[moved].sum())
-    way = product(state.parts.mass[moved], state.solver.motion(moved))
-    way /= max(float(norm(way)), 1e-12)
-    blows = max(float(product(state.loads.impulse_on(moved), way)), 0.0) * way
-    size = float(norm(blows))
-    if state.shaking.acts or float(norm(blows + waves.sum(axis=0))) > _TIPPING * whole:
-        most = state.loads.striking_speed(moved) * whole
-        velocity = min(1.0, most / max(size, 1e-12)) * blows / whole
+    pressed, given = wall_loads.passing(state, moved)
+    if not state.loads.struck and not len(pressed):
+        return False
+    mass, motion = state.parts.mass[moved], state.solver.motion(moved)
+    way = motion[:, :3]
+    inertia = max(float(product(mass, np.square(way)).sum()), 1e-12)
+    blows = max(float((state.loads.impulses_on(moved) * way).sum()), 0.0)
+    others = float((state.blasts.momentum[moved] * way).sum()
+                   + (given * way[np.isin(moved, pressed)]).sum())
+    energy = 0.5 * np.square(max(blows + others, 0.0)) / inertia
+    if state.shaking.acts or energy > _barrier(model.gravity, mass, motion):
+        velocity = product(mass, way) * blows / inertia / mass.sum()
+        fastest = state.loads.striking_speed(moved)
+        velocity *= min(1.0, fastest / max(float(norm(velocity)), 1e-12))
         state.loads.thrown[moved] = velocity
         return False
     state.loads.end_blows()
+    wall_loads.let_rock(state, pressed, given)
     state.loads.apply(state.solver, state.time)
     return True
+
+
+def _barrier(gravity: float, mass: np.ndarray, motion: np.ndarray) -> float:
+    """
+    Return the energy at which parts that rock begin to fall [J].
+
+    Their centres rise with the motion q and sink with its square, as they go round the edges about
+    which they turn: A·q - B·q², which is A²/(4·B) at its highest (m·g·b²/(2·h) for a block of
+    mass m whose centre is h above and b beside its edge, Housner 1963).
+
+    :param gravity: [m/s²].
+    :param motion: displacements and rotations to the first order, (K, 6).
+    """
+    rise = gravity * float(product(mass, motion[:, 2]))
+    sink = -0.5 * gravity * float(product(mass, cross(motion[:, 3:], motion[:, :3])[:, 2]))
+    if rise <= 0.0:
+        return 0.0
+    return rise * rise / (4.0 * sink) if sink > 0.0 else math.inf
 
 
 def _let_go(model: Model, state: State, pieces: list[np.ndarray]) -> None:

@@ -212,12 +212,15 @@ class RubbleState:
 
     :ivar velocities, poses: of all bodies just before that step, by id, (B, 6), (B, 7).
     :ivar waiting: blows to pieces that are judged in the next step.
-    :ivar load: smoothed wrench of loose bodies on standing parts [N], [N·m], (N, 6).
+    :ivar given: impulse of loose bodies on standing parts since their loads were last compared
+        [N·s], [N·m·s], (N, 6).
+    :ivar rocked: impulse of loose bodies on standing parts that rock under them [N·s], (N, 3).
     :ivar borne: by body, its parts and samples of the contact forces on it.
     :ivar since, unsampled: time since the loads were last compared, and since the last sample [s].
     """
 
-    load: np.ndarray
+    given: np.ndarray
+    rocked: np.ndarray
     velocities: np.ndarray = field(default_factory=lambda: np.zeros((0, 6)))
     poses: np.ndarray = field(default_factory=lambda: np.zeros((0, 7)))
     waiting: list[PieceBlow] = field(default_factory=list)
@@ -499,7 +502,7 @@ class State:
                             start_poses=forest.poses.copy(),
                             faded_air=np.zeros((len(forest), 3))),
             blasts=BlastState(np.zeros((count, 3)), np.full(count, np.inf)),
-            rubble=RubbleState(np.zeros((count, 6))),
+            rubble=RubbleState(np.zeros((count, 6)), np.zeros((count, 3))),
             glass=GlassState(np.zeros(len(model.glass.parts))),
             leaves=LeafState(
                 FallingLeaves(model.gravity, (_FALL_SEED << 64) + model.seed),

@@ -17,7 +17,6 @@
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.elementary import exp, expm1
 from procphys_ros.geometry.linear import cross
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
@@ -31,9 +30,8 @@ _BREEZE = 60.0          # [Pa] dynamic pressure, 10 m/s, that walls withstand wi
 _WIND_CHANGE = 0.25     # of the dynamic pressure that was last applied
 _GONE = 0.02            # share of lost standing parts that requires a new survey of the faces
 _WIND_LAYER = 'wind'
-SMOOTHING = 0.1         # [s] over which impulses of loose bodies count as a steady load: about
+DEBRIS_INTERVAL = 0.1   # [s] over which impulses of loose bodies count as a steady load: about
 #                         two periods of a storey-high wall, which averages shorter ones
-DEBRIS_INTERVAL = 0.1   # [s] between updates of loads
 _TRACE = 1.0            # [N], [N·m] at which the load of a loose body has faded
 DEBRIS_LAYER = 'debris'
 
@@ -126,23 +124,50 @@ def _pressure(air: np.ndarray) -> np.ndarray:
 
 def press_debris(model: Model, state: State, dt: float) -> None:
     """
-    Record the impulses of debris, and update its loads at intervals.
+    Load what stands with the mean force of debris since the last look.
 
     Writes `state.rubble` and loads.
     """
     own, loaded = state.rubble, DEBRIS_LAYER in state.loads.sources
     if not ((state.bodies.members or loaded) and state.standing.any()):
         return
-    own.load *= exp(-dt / SMOOTHING)
-    share, standing = -expm1(-dt / SMOOTHING), part_of_body(state)
-    _press_parts(state, standing, state.world.contacts(), share / dt, own.load)
-    _press_parts(state, standing, state.world.slept, share, own.load)
+    standing = part_of_body(state)
+    _press_parts(state, standing, state.world.contacts(), 1.0, own.given)
+    _press_parts(state, standing, state.world.slept, dt, own.given)
     own.since += dt
     if own.since < DEBRIS_INTERVAL - 1e-9:
         return
-    own.since = 0.0
-    parts = np.flatnonzero(np.abs(own.load).max(axis=1) > _TRACE)
-    state.loads.follow(DEBRIS_LAYER, parts, own.load[parts])
+    load = own.given / own.since
+    own.given, own.since = np.zeros_like(own.given), 0.0
+    pressed = np.abs(load).max(axis=1) > _TRACE
+    own.rocked[~pressed] = 0.0
+    parts = np.flatnonzero(pressed)
+    state.loads.follow(DEBRIS_LAYER, parts, load[parts])
+
+
+def passing(state: State, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """
+    Return what debris has given to parts that rock under it, and gives until the next look.
+
+    :param parts: (K,).
+    :returns: those that it presses, ascending, (P,), and its impulse on each [N·s], (P, 3).
+    """
+    loaded, wrenches = state.loads.layer(DEBRIS_LAYER)
+    there = np.isin(loaded, parts)
+    return loaded[there], (state.rubble.rocked[loaded[there]]
+                           + DEBRIS_INTERVAL * wrenches[there, :3])
+
+
+def let_rock(state: State, parts: np.ndarray, impulses: np.ndarray) -> None:
+    """
+    Let debris move parts instead of loading them, until the next look.
+
+    :param parts, impulses: see `passing`.
+    """
+    state.rubble.rocked[parts] = impulses
+    loaded, wrenches = state.loads.layer(DEBRIS_LAYER)
+    stays = ~np.isin(loaded, parts)
+    state.loads.set_layer(DEBRIS_LAYER, loaded[stays], wrenches[stays])
 
 
 def part_of_body(state: State) -> np.ndarray:

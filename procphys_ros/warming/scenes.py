@@ -24,7 +24,7 @@ from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.messages import MarkerStyle, pose_array, SceneMarkers, stamp
 from procphys_ros.physics import touch
-from procphys_ros.physics.masonry import FreeBodies, strength
+from procphys_ros.physics.masonry import FreeBodies, strength, subdomains
 from procphys_ros.physics.trees import (
     contact_response,
     equilibrium,
@@ -204,11 +204,12 @@ def crack_wall() -> None:
     rows = solver.graph.neighbours(np.array([0]))
     _, low, high = strength.opening(solver.graph, rows, solver.wrenches(rows))
     solver.narrow(rows, low, high)
+    subdomains.surroundings(solver.graph, np.array([0]), len(simulation.blueprint))
     _damage(simulation)
 
 
 def wreck_cottage() -> None:
-    """Blow up a cottage, which is large enough to be solved by subdomains, and demolish it."""
+    """Blow up a cottage, and demolish it."""
     simulation = _shipped('figure_1')
     simulation.step(2)
     _strike(simulation)

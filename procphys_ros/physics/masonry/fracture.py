@@ -25,7 +25,7 @@ from procphys_ros.geometry.linear import product
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.masonry import mechanisms, strength, ties
-from procphys_ros.physics.masonry.joints import BRIEF
+from procphys_ros.physics.masonry.joints import BRIEF, PLAY
 from procphys_ros.physics.masonry.solver import DRIFT, StressSolver, SWAY
 
 _BAND = 0.7  # of the worst utilisation
@@ -108,13 +108,15 @@ class Fracture:
         """Whether the present loads are balanced and the last check broke no bond."""
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
-    def advance(self, iterations: int, most: int | None = None) -> list[Failures]:
+    def advance(self, iterations: int, most: int | None = None,
+                relieve: Callable[[np.ndarray], bool] | None = None) -> list[Failures]:
         """
         Iterate; fail overloaded bonds each time that equilibrium is reached.
 
         :param iterations: largest number, over all rounds.
         :param most: largest number of rounds with failures, not counting those that run on; None =
             unlimited.
+        :param relieve: of loads that pass, see `withstand`; None = there are none.
         :returns: one entry per round with failures.
         """
         solver, graph = self.solver, self.solver.graph
@@ -123,9 +125,15 @@ class Fracture:
             before = solver.spent
             self.prepare(iterations)
             iterations -= max(solver.spent - before, 1)
+            furthest = SWAY if self._judged is None else DRIFT
+            if relieve is not None:
+                moved = solver.in_motion(PLAY, solver.converged, furthest)
+                if len(moved) and relieve(moved):
+                    solver.forget_sudden()
+                    solver.rewind()
+                    continue
             if not solver.converged and len(solver.part_hinges()):
                 continue
-            furthest = SWAY if self._judged is None else DRIFT
             adrift = solver.mechanisms(furthest)
             settled = solver.converged or len(adrift) > 0
             if not settled and not self._may_glance():

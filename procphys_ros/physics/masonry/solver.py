@@ -392,20 +392,21 @@ class StressSolver:
             self.equilibrium.rewind(self._calm)
         return rows
 
-    def in_motion(self, least: Reach, balanced: bool) -> np.ndarray:
+    def in_motion(self, least: Reach, balanced: bool, furthest: float = SWAY) -> np.ndarray:
         """
         List the parts that a mechanism has moved since the last equilibrium.
 
         :param least: least motion of hinges.
         :param balanced: whether the displacements are accurate enough to measure drift.
+        :param furthest: see `adrift`.
         """
-        far = self.adrift(SWAY) if balanced else self.mechanisms(SWAY)
+        far = self.adrift(furthest) if balanced else self.mechanisms(furthest)
         moves = len(self._hinges(least)) or len(far)
         return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
 
     def motion(self, parts: np.ndarray) -> np.ndarray:
-        """Return the displacements of parts since the last equilibrium [m], (K, 3)."""
-        return (self.displacement - self._calm)[parts, :3]
+        """Return displacements and rotations since the last equilibrium [m], [rad], (K, 6)."""
+        return (self.displacement - self._calm)[parts]
 
     def rewind(self) -> None:
         """Return to the displacements of the last equilibrium; loads and bonds stay."""

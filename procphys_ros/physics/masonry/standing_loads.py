@@ -163,9 +163,9 @@ class StandingLoads:
         blows = self._blows
         return 0.0 if blows is None else float(blows[:, 9].max())
 
-    def impulse_on(self, parts: np.ndarray) -> np.ndarray:
-        """Return the impulse of all active blows on parts [N·s], (3,)."""
-        return np.zeros(3) if self._blows is None else self._blows[parts, 6:9].sum(axis=0)
+    def impulses_on(self, parts: np.ndarray) -> np.ndarray:
+        """Return the impulse of active blows on each of some parts [N·s], (K, 3)."""
+        return np.zeros((len(parts), 3)) if self._blows is None else self._blows[parts, 6:9]
 
     def striking_speed(self, parts: np.ndarray) -> float:
         """Return the speed of the fastest body that has struck any of the parts [m/s]."""

@@ -47,9 +47,19 @@ def furthest_off(graph: BondGraph, islands: BondIslands, sizes: np.ndarray,
     if len(islands.parts) < _LARGE or not graph.cracked[islands.bonds].any():
         return None
     seeds = islands.parts[sizes[islands.parts] > _CARRIES * goal]
+    return surroundings(graph, seeds, int(_MOST * len(islands.parts)))
+
+
+def surroundings(graph: BondGraph, seeds: np.ndarray, most: int) -> BondIslands | None:
+    """
+    Find the connected sets of parts at most `_RINGS` bonds from some parts.
+
+    :param seeds: (K,).
+    :param most: number of parts; None is returned beyond it.
+    """
     inside = np.zeros(graph.count, bool)
     around = graph.start, graph.incident, graph.alive, graph.first, graph.second
-    if not _surround(seeds, _RINGS, int(_MOST * len(islands.parts)), *around, inside):
+    if not _surround(seeds, _RINGS, most, *around, inside):
         return None
     return BondIslands(*_gather(inside, *around))
 
