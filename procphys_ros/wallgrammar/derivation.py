@@ -24,11 +24,8 @@ from procphys_ros.language import Expression, Place
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.division import divide, Repeated, Share
 from procphys_ros.wallgrammar.spec import (
-    Border,
     Call,
-    Extrude,
-    Grid,
-    Insert,
+    Division,
     Part,
     Repeat,
     Rule,
@@ -141,11 +138,12 @@ class Deriver:
             return [self._apply(node, task)]
         if isinstance(node, Split):
             return self._split(node.axis, tuple(self._shares(node.parts, task)), task)
-        if isinstance(node, Grid):
+        if node.kind == 'grid':
             return self._grid(node, task)
-        if isinstance(node, Extrude):
-            depth = task.scope.depth - self._extent(node.depth, task, -_LARGEST)
-            return [task._replace(successor=node.inner, scope=task.scope._replace(depth=depth))]
+        if node.kind == 'extrude':
+            depth = task.scope.depth - self._extent(node.sizes[0], task, -_LARGEST)
+            return [task._replace(successor=node.contents[0],
+                                  scope=task.scope._replace(depth=depth))]
         return self._frame(node, task)
 
     def _shares(self, parts: tuple[Part | Repeat, ...], task: _Task) -> list[Share | Repeated]:
@@ -164,40 +162,38 @@ class Deriver:
             bottom=scope.bottom + start, top=scope.bottom + end))
             for start, end, content in divide(shares, scope.top - scope.bottom)]
 
-    def _grid(self, node: Grid, task: _Task) -> list[_Task]:
-        def repeat(size: Expression, content: Successor) -> tuple[Repeated]:
-            share = Share('floating', self._number(size, task), content, size.place)
-            return (Repeated((share,), size.place),)
-
-        columns = repeat(node.width, node.cell)
-        rows = self._split('y', repeat(node.height, node.cell), task)
+    def _grid(self, node: Division, task: _Task) -> list[_Task]:
+        columns, row = ((Repeated((Share('floating', self._number(size, task),
+                                         node.contents[0], size.place),), size.place),)
+                        for size in node.sizes)
+        rows = self._split('y', row, task)
         if rows and len(rows) * len(self._split('x', columns, rows[0])) > _MOST_STEPS:
-            raise node.width.place.error(f'a grid of more than {_MOST_STEPS} cells; make them '
-                                         f'larger')
+            raise node.sizes[0].place.error(f'a grid of more than {_MOST_STEPS} cells; make them '
+                                            f'larger')
         return [cell for row in rows for cell in self._split('x', columns, row)]
 
-    def _frame(self, node: Border | Insert, task: _Task) -> list[_Task]:
+    def _frame(self, node: Division, task: _Task) -> list[_Task]:
         """Surround a rectangle in the middle of the scope by four strips."""
-        scope = task.scope
+        scope, (middle, edge) = task.scope, node.contents
         width, height = scope.right - scope.left, scope.top - scope.bottom
-        if isinstance(node, Border):
-            aside = above = self._extent(node.width, task)
+        wanted = [self._extent(size, task) for size in node.sizes]
+        if node.kind == 'border':
+            aside = above = wanted[0]
         else:
-            wanted = [self._extent(e, task) for e in (node.width, node.height)]
             if wanted[0] > width or wanted[1] > height or min(wanted) <= 0:
-                raise node.width.place.error(
+                raise node.sizes[0].place.error(
                     f'an insert of {wanted[0] / 1e6:g} x {wanted[1] / 1e6:g} m does not fit into '
                     f'a scope of {width / 1e6:g} x {height / 1e6:g} m')
             aside, above = (width - wanted[0]) // 2, (height - wanted[1]) // 2
         if 2 * aside >= width or 2 * above >= height:
-            return [task._replace(successor=node.edge)]
+            return [task._replace(successor=edge)]
         left, right = scope.left + aside, scope.right - aside
         bottom, top = scope.bottom + above, scope.top - above
         strips = [scope._replace(top=bottom), scope._replace(bottom=bottom, top=top, right=left),
                   scope._replace(bottom=bottom, top=top, left=right), scope._replace(bottom=top)]
         inner = FacadeScope(left, bottom, right, top, scope.depth)
-        return [task._replace(successor=node.inner, scope=inner)] + [
-            task._replace(successor=node.edge, scope=strip) for strip in strips
+        return [task._replace(successor=middle, scope=inner)] + [
+            task._replace(successor=edge, scope=strip) for strip in strips
             if strip.right > strip.left and strip.top > strip.bottom]
 
     def _apply(self, call: Call, task: _Task) -> _Task:

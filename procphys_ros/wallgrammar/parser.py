@@ -22,12 +22,9 @@ from procphys_ros.language import Expression, GrammarReader, Node, Place
 from procphys_ros.wallgrammar import arches
 from procphys_ros.wallgrammar.grammar import WALL_GRAMMAR, WALL_WORDS
 from procphys_ros.wallgrammar.spec import (
-    Border,
     Building,
     Call,
-    Extrude,
-    Grid,
-    Insert,
+    Division,
     KINDS_OF_PANELS,
     Panel,
     Part,
@@ -41,6 +38,7 @@ from procphys_ros.wallgrammar.spec import (
 SCOPE_NAMES = ('scope_x', 'scope_y')  # size of the present scope [m], known inside rules
 _PROPERTIES = ('footprint', 'facades', 'storey_height', 'storeys', 'floors', 'roof', 'partitions')
 _DEEPEST = 32  # nesting of divisions
+_SIZES = {'border': 1, 'grid': 2, 'extrude': 1, 'insert': 2}  # numbers of lengths
 _PANEL_KINDS = {'boards': 1, 'glazing': 2, 'beam': 1, 'none': 0, 'arch': 3}
 
 
@@ -253,26 +251,16 @@ class _SpecReader(GrammarReader):
     def successor(self, node: Node, known: Collection[str], depth: int = 0) -> Successor:
         if depth > _DEEPEST:
             raise self.place(node).error(f'nested more than {_DEEPEST} deep; use another rule')
-
-        def expression(i: int) -> Expression:
-            return self.expression(node.children[i], known)
-
-        def inner(i: int) -> Successor:
-            return self.successor(node.children[i], known, depth + 1)
-
         if node.data == 'split':
             axis = str(node.children[0])
             if axis not in ('x', 'y'):
                 raise self.place(node).error(f'split({axis}) is unknown, use split(x) or split(y)')
             return Split(axis, self.parts(node.children[1:], known, depth), self.place(node))
-        if node.data == 'border':
-            return Border(expression(0), inner(1), inner(2))
-        if node.data == 'grid':
-            return Grid(expression(0), expression(1), inner(2))
-        if node.data == 'extrude':
-            return Extrude(expression(0), inner(1))
-        if node.data == 'insert':
-            return Insert(expression(0), expression(1), inner(2), inner(3))
+        if node.data in _SIZES:
+            count = _SIZES[node.data]
+            return Division(
+                node.data, tuple(self.expression(c, known) for c in node.children[:count]),
+                tuple(self.successor(c, known, depth + 1) for c in node.children[count:]))
         arguments = tuple(self.expression(c, known) for c in node.children[1:] if c is not None)
         return Call(str(node.children[0]), arguments, self.place(node))
 

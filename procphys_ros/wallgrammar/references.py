@@ -17,18 +17,7 @@
 from collections.abc import Iterator
 
 from procphys_ros.errors import nearest_names
-from procphys_ros.wallgrammar.spec import (
-    Border,
-    Call,
-    Extrude,
-    Grid,
-    Insert,
-    Part,
-    Repeat,
-    Spec,
-    Split,
-    Successor,
-)
+from procphys_ros.wallgrammar.spec import Call, Division, Part, Repeat, Spec, Split, Successor
 
 
 def check(spec: Spec) -> None:
@@ -55,13 +44,9 @@ def _calls(node: 'Successor | Part | Repeat') -> Iterator[Call]:
             yield from _calls(part)
     elif isinstance(node, Part):
         yield from _calls(node.successor)
-    elif isinstance(node, Grid):
-        yield from _calls(node.cell)
-    elif isinstance(node, Extrude):
-        yield from _calls(node.inner)
-    elif isinstance(node, Border | Insert):
-        yield from _calls(node.inner)
-        yield from _calls(node.edge)
+    elif isinstance(node, Division):
+        for content in node.contents:
+            yield from _calls(content)
 
 
 def _check_call(spec: Spec, call: Call) -> None:

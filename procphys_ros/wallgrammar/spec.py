@@ -22,7 +22,7 @@ from procphys_ros.language import Entry, Expression, Place
 KINDS_OF_PANELS = ('boards(material), door(material, side, from, to), '
                    'shutters(frame, glass, material, from, to), glazing(frame, glass), '
                    'beam(material), none, arch(shape, rings)')  # beside layouts, for messages
-Successor: TypeAlias = 'Call | Split | Border | Grid | Extrude | Insert'
+Successor: TypeAlias = 'Call | Split | Division'
 
 
 @dataclass(frozen=True)
@@ -65,39 +65,20 @@ class Split:
 
 
 @dataclass(frozen=True)
-class Border:
-    """Cut a border of even width off all four sides."""
+class Division:
+    """
+    Change of the scope by lengths.
 
-    width: Expression
-    inner: Successor
-    edge: Successor
+    :ivar kind: 'border': a border of this width is cut off all four sides; 'grid': the nearest
+        whole count of columns and rows of this width and height; 'extrude': moved outwards from
+        the facade by this depth; 'insert': a middle of this width and height.
+    :ivar sizes: these lengths.
+    :ivar contents: of the middle, each cell or the whole; then of the rest around a middle.
+    """
 
-
-@dataclass(frozen=True)
-class Grid:
-    """Divide the scope into the nearest whole count of columns and rows."""
-
-    width: Expression
-    height: Expression
-    cell: Successor
-
-
-@dataclass(frozen=True)
-class Extrude:
-    """Move the scope outwards from the facade."""
-
-    depth: Expression
-    inner: Successor
-
-
-@dataclass(frozen=True)
-class Insert:
-    """Set an element of fixed size into the middle of the scope."""
-
-    width: Expression
-    height: Expression
-    inner: Successor
-    edge: Successor
+    kind: str
+    sizes: tuple[Expression, ...]
+    contents: tuple[Successor, ...]
 
 
 @dataclass(frozen=True)
