@@ -157,11 +157,9 @@ def area(points):
 def outlines(plan, overhang):
     """Return the trapezia of all faces of a roof plan in its own coordinates, (4, 2) each."""
     return [plan.points[plane] + np.array(
-        [[edge.place(u), u] for u, edge in ((low, field.start), (low, field.end),
-                                            (field.high, field.end), (field.high, field.start))]
-    ) @ np.array([plan.ways[plane], plan.normals[plane]])
-        for plane, fields in plan.faces.items() for field in fields
-        for low in [max(field.low, -overhang)]]
+        [(strip.start, strip.foot[0]), (strip.end, strip.foot[1]), (strip.end, strip.head[1]),
+         (strip.start, strip.head[0])]) @ np.array([plan.ways[plane], plan.normals[plane]])
+        for plane in set(plan.plane[plan.eaves]) for strip in plan.strips(plane, overhang)]
 
 
 @pytest.mark.parametrize('overhang', [0.0, 0.25])
@@ -185,7 +183,7 @@ def test_plans_off_the_square_end_in_a_roof_or_a_refusal():
         points, turn = drawn_plan(rng), rng.uniform(-np.pi, np.pi)
         turned = points @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
         try:
-            roofs += bool(RoofPlan(np.round(turned, 4)).faces)
+            roofs += bool(RoofPlan(np.round(turned, 4)).arcs)
         except NoRoofError:
             pass
     assert roofs > 100

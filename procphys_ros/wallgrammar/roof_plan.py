@@ -22,40 +22,9 @@ import numpy as np
 
 from procphys_ros.elementary import atan2, hypot
 
-EVERYWHERE = -1.0e3  # [m] where fields begin that reach out over the eaves
 _SAME = 2e-6       # [m] points this near are one: plans are in whole micrometres
 _LOST = 1e-6       # of the area of a plan: most that its faces may miss or cover twice
 _STILL = 1e-9      # m of a vertex per m of its edges, that counts as none
-
-
-class Edge(NamedTuple):
-    """
-    End of a field along the eaves: at + way · u, with u the distance from the eaves in plan.
-
-    :ivar at: [m].
-    :ivar way: 0 at gables; positive at the start, negative at the end of a field that narrows.
-    """
-
-    at: float
-    way: float
-
-    def place(self, u: float) -> float:
-        """Return the end at a distance from the eaves [m]."""
-        return self.at + self.way * u
-
-
-class Field(NamedTuple):
-    """
-    Trapezium in plan between two distances from the eaves, part of a face.
-
-    :ivar low, high: these distances [m]; the lowest fields go on below the eaves.
-    :ivar start, end: its ends along the eaves.
-    """
-
-    low: float
-    high: float
-    start: Edge
-    end: Edge
 
 
 class Strip(NamedTuple):
@@ -100,8 +69,8 @@ class RoofPlan:
     Faces of a roof whose eaves all lie at one level and whose faces all have one pitch.
 
     All edges but gables move inwards at one speed, as in Aichholzer and others (1995, J. UCS
-    1(12)). What they sweep between two changes of the polygon are trapezia. All changes at one
-    time are made at once: the shrunken polygon touches itself, and is cut where it does.
+    1(12)); the ways of their corners are the lines where faces meet. All changes at one time are
+    made at once: the shrunken polygon touches itself, and is cut where it does.
 
     :raises NoRoofError: when changes do not end.
 
@@ -111,14 +80,12 @@ class RoofPlan:
     :ivar turns: angles between edges at the corners where they begin, left positive [rad], (n,).
     :ivar plane: first edge in the same line, (n,).
     :ivar edges: without those in one line with the one before.
-    :ivar faces: fields by plane; along the eaves 0 is the start of the plane's first edge.
     :ivar arcs: lines between faces, without those at gables.
     :ivar lowest_top: least distance from the eaves where a ridge or a point is left [m].
     """
 
     points: np.ndarray
     gables: frozenset[int] = frozenset()
-    faces: dict[int, list[Field]] = field(default_factory=dict)
     arcs: list[Arc] = field(default_factory=list)
     lowest_top: float = np.inf
     _between: dict[tuple[int, int], list[int]] = field(default_factory=dict)
@@ -148,14 +115,16 @@ class RoofPlan:
                 break
         ends = np.roll(self.points, -1, axis=0)
         whole = 0.5 * (self.points[:, 0] * ends[:, 1] - self.points[:, 1] * ends[:, 0]).sum()
-        if loops or abs(self._area() - whole) > _LOST * whole:
+        covered = sum(0.5 * (strip.end - strip.start) * (sum(strip.head) - sum(strip.foot))
+                      for plane in set(self.plane[self.eaves].tolist())
+                      for strip in self.strips(plane, 0.0))
+        if loops or abs(covered - whole) > _LOST * whole:
             raise NoRoofError
 
-    def _area(self) -> float:
-        """Compute the area of all faces in plan, without what goes on below the eaves [m²]."""
-        return sum(0.5 * (f.high - low) * sum(f.end.place(u) - f.start.place(u)
-                                              for u in (low, f.high))
-                   for fields in self.faces.values() for f in fields for low in [max(f.low, 0.0)])
+    @property
+    def eaves(self) -> list[int]:
+        """Return the edges without gables."""
+        return [edge for edge in range(len(self.points)) if edge not in self.gables]
 
     def local(self, edge: int, places: np.ndarray) -> np.ndarray:
         """Return places along an edge from its start, and at right angles inwards [m], (…, 2)."""
@@ -172,17 +141,19 @@ class RoofPlan:
         :param plane: of the face.
         :param overhang: how far faces go on below the eaves [m].
         """
-        fields = [f._replace(low=max(f.low, -overhang)) for f in self.faces[plane]]
-        places = np.unique([round(edge.place(u), 9) for f in fields for edge in (f.start, f.end)
-                            for u in (f.low, f.high)])
+        lines = self._around(plane, overhang)
+        places = np.unique(lines[:, :, 0])
         places = places[np.diff(places, prepend=-np.inf) > _SAME].tolist()
         found: list[Strip] = []
         for start, end in zip(places, places[1:]):
-            spans = [span for f in fields if (span := _between(f, start, end)) is not None]
-            if not spans:
+            middle = 0.5 * (start + end)
+            (a, u), (b, v) = lines[(lines[:, 0, 0] < middle) & (lines[:, 1, 0] > middle)
+                                   ].transpose(1, 2, 0)
+            spans = sorted(np.column_stack([u + (place - a) * (v - u) / (b - a)
+                                            for place in (start, end)]).tolist(), key=sum)
+            if not spans or sum(spans[-1]) <= sum(spans[0]):
                 continue
-            foot = min((foot for foot, _ in spans), key=sum)
-            head = max((head for _, head in spans), key=sum)
+            foot, head = tuple(spans[0]), tuple(spans[-1])
             new = Strip(start, end, foot, head)
             if found and _in_line(found[-1], new):
                 found[-1] = Strip(found[-1].start, end, (found[-1].foot[0], foot[1]),
@@ -190,6 +161,17 @@ class RoofPlan:
             else:
                 found.append(new)
         return found
+
+    def _around(self, plane: int, overhang: float) -> np.ndarray:
+        """List the lines around a face, by places along its eaves and from them [m], (k, 2, 2)."""
+        corners = dict(zip(self.edges, self.outline(self.edges, -overhang)[0]))
+        lines = [[corners[edge], corners[after]]
+                 for edge, after in zip(self.edges, self.edges[1:] + self.edges[:1])
+                 if self.plane[edge] == plane and edge not in self.gables]
+        lines += [[arc.start - (arc.low == 0.0) * overhang / arc.high * (arc.end - arc.start),
+                   arc.end] for arc in self.arcs if plane in arc.planes]
+        found = self.local(plane, np.array(lines)).round(9)
+        return np.take_along_axis(found, np.argsort(found[:, :, :1], axis=1, kind='stable'), 1)
 
     def outline(self, loop: Sequence[int], time: float) -> tuple[np.ndarray, np.ndarray]:
         """
@@ -240,32 +222,15 @@ class RoofPlan:
         return max(min(steps), 0.0)
 
     def _sweep(self, loop: list[int], low: float, high: float) -> None:
-        """Add what the edges of a polygon sweep to its faces, and the ways of its corners."""
+        """Add the ways of the corners of a polygon to the lines between faces."""
         points, motion = self.outline(loop, low)
         later = points + (high - low) * motion
         for k, edge in enumerate(loop):
-            plane, after = int(self.plane[edge]), (k + 1) % len(loop)
-            if edge not in self.gables:
-                way = self.ways[plane]
-                start, end = (Edge(round(float(((points[i] - low * motion[i] - self.points[plane])
-                                                * way).sum()), 9),
-                                   round(float((motion[i] * way).sum()), 9)) for i in (k, after))
-                self._add(plane, Field(low or EVERYWHERE, high, start, end))
             if self.gables.isdisjoint((edge, loop[k - 1])):
                 a, b = self.ways[loop[k - 1]], self.ways[edge]
                 self._extend(Arc(
                     points[k], later[k], low, high, bool(a[0] * b[1] - a[1] * b[0] < 0.0),
-                    (int(self.plane[loop[k - 1]]), plane)))
-
-    def _add(self, plane: int, new: Field) -> None:
-        """Add a field to a face, or go on with one below it whose ends are the same."""
-        fields = self.faces.setdefault(plane, [])
-        for i, old in enumerate(fields):
-            if old.high == new.low and max(abs(a - b) for a, b in zip(
-                    (*old.start, *old.end), (*new.start, *new.end))) < _SAME:
-                fields[i] = old._replace(high=new.high)
-                return
-        fields.append(new)
+                    (int(self.plane[loop[k - 1]]), int(self.plane[edge]))))
 
     def _extend(self, new: Arc) -> None:
         """Add a line between two planes, or go on with one that ends where it begins."""
@@ -309,24 +274,6 @@ class RoofPlan:
         edge = np.concatenate([corners, on])
         order = np.lexsort((np.concatenate([0.0 * corners, along[on, place]]), edge))
         return points[np.concatenate([corners, place])[order]], loop[edge[order]]
-
-
-def _between(part: Field, start: float, end: float
-             ) -> tuple[tuple[float, float], tuple[float, float]] | None:
-    """Return foot and head of a field between two places along the eaves, or None."""
-    foot, head = [part.low, part.low], [part.high, part.high]
-    for edge, sign in ((part.start, 1.0), (part.end, -1.0)):
-        if edge.way == 0.0:
-            if sign * (0.5 * (start + end) - edge.at) < 0.0:
-                return None
-            continue
-        line = [(y - edge.at) / edge.way for y in (start, end)]
-        middle = 0.5 * sum(line)
-        if sign * edge.way > 0.0 and middle < 0.5 * sum(head):
-            head = line
-        elif sign * edge.way < 0.0 and middle > 0.5 * sum(foot):
-            foot = line
-    return ((foot[0], foot[1]), (head[0], head[1])) if sum(head) > sum(foot) else None
 
 
 def _in_line(strip: Strip, after: Strip) -> bool:

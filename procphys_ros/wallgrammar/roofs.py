@@ -35,7 +35,7 @@ from procphys_ros.wallgrammar.boxes import (
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
 from procphys_ros.wallgrammar.roof_feet import ALIGNED, PIECE, RoofFeet, TIE
-from procphys_ros.wallgrammar.roof_plan import Arc, EVERYWHERE, NoRoofError, RoofPlan
+from procphys_ros.wallgrammar.roof_plan import Arc, NoRoofError, RoofPlan
 from procphys_ros.wallgrammar.slopes import (
     BATTEN,
     BOARD,
@@ -157,11 +157,12 @@ class Roof:
         for edge, plane in enumerate(plan.plane.tolist()):
             after = (edge + 1) % n
             ends = [plan.local(plane, plan.points[corner])[0] for corner in (edge, after)]
-            if square[edge] and square[after] and not found & {(edge - 1) % n, after} and any(
-                    field.low == EVERYWHERE and field.start.way > 0.0 > field.end.way
-                    and field.end.place(field.high) - field.start.place(field.high) < _ONE
-                    and np.allclose((field.start.at, field.end.at), ends, 0.0, _ONE)
-                    for field in plan.faces[plane]):
+            face = [strip for strip in plan.strips(plane, 0.0)
+                    if strip.end > ends[0] + _ONE and strip.start < ends[1] - _ONE]
+            if (square[edge] and square[after] and not found & {(edge - 1) % n, after}
+                    and len(face) == 2 and np.allclose(
+                        (face[0].start, face[1].end, face[0].head[0], face[1].head[1]),
+                        (*ends, 0.0, 0.0), 0.0, _ONE)):
                 found.add(edge)
         if not found:
             raise self.site.place.error(
