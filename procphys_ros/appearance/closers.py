@@ -27,11 +27,11 @@ import scipy  # its parts are imported by their first use
 from procphys_ros.appearance.joints import mortar_of, Seats, unbroken
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
 from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import prisms
 
 _UPRIGHT = 0.999    # cosine to the vertical of level bricks
 _PARALLEL = 0.9999  # cosine between faces with a parallel joint
 _RECESS = 0.0015    # [m] from the faces of the bricks back to the mortar
-_PRISM = [0, 1, 3, 2]  # corners of a hexahedron, in the order of an outline
 
 
 @dataclass(frozen=True)
@@ -220,8 +220,4 @@ def _prisms(outline: np.ndarray, low: float, high: float) -> Iterator[np.ndarray
         return
     hull = outline[scipy.spatial.ConvexHull(outline).vertices]
     for k in range(1, len(hull) - 1, 2):
-        corner = np.zeros((8, 3))
-        corner[_PRISM, :2] = hull[[0, k, k + 1, min(k + 2, len(hull) - 1)]]
-        corner[4:, :2] = corner[:4, :2]
-        corner[:4, 2], corner[4:, 2] = low, high
-        yield corner
+        yield prisms(hull[None, [0, k, min(k + 2, len(hull) - 1), k + 1]], low, high)[0]

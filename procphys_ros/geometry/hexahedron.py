@@ -40,6 +40,19 @@ def box_corners(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.where(bits, np.asarray(high)[:, None], np.asarray(low)[:, None])
 
 
+def prisms(outlines: np.ndarray, low: np.ndarray | float, high: np.ndarray | float) -> np.ndarray:
+    """
+    Return the corners of upright prisms, (N, 8, 3).
+
+    :param outlines: -x -y, +x -y, -x +y, +x +y, (N, 4, 2).
+    :param low, high: levels, (N, 1) or numbers.
+    """
+    corners = np.empty((len(outlines), 8, 3))
+    corners[:, :4, :2] = corners[:, 4:, :2] = outlines
+    corners[:, :4, 2], corners[:, 4:, 2] = low, high
+    return corners
+
+
 def faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """
     Compute the faces of hexahedra.

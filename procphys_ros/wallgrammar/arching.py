@@ -195,8 +195,6 @@ def _shaped(site: Site, facade: Facade, boxes: Boxes, outlines: np.ndarray) -> B
     for corner in range(8):
         at = turned[:, {0: 0, 1: 1, 5: 2, 4: 3}[corner & 5]]
         corners[:, corner, 0], corners[:, corner, 2] = at.T
-    form = len(site.forms) + np.arange(len(boxes))
-    site.forms += list(facade.place_points(corners))
+    shaped = site.hexahedra(facade.place_points(corners))
     return replace(boxes, low=micros(corners.min(axis=1)), high=micros(corners.max(axis=1)),
-                   before=np.zeros_like(boxes.before), after=np.zeros_like(boxes.after),
-                   form=form)
+                   before=shaped.before, after=shaped.after, form=shaped.form)

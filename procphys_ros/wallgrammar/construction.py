@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, SPAN, split_along, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, micros, SPAN, split_along, stack
 from procphys_ros.wallgrammar.materials import Material
 
 
@@ -128,6 +128,19 @@ class Site:
         member = self._boxes[-1].member
         first = rows.start + np.flatnonzero(np.diff(member, prepend=-1))
         return first, np.append(first[1:], rows.stop) - 1
+
+    def hexahedra(self, corners: np.ndarray, kind: int = 0, material: int = 0, frame: int = 0,
+                  member: int = -1) -> Boxes:
+        """
+        Make parts that are hexahedra, to be added.
+
+        :param corners: in their frame [m], (n, 8, 3).
+        """
+        boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)), kind=kind,
+                           material=material, frame=frame, member=member)
+        boxes.form[:] = len(self.forms) + np.arange(len(boxes))
+        self.forms += list(corners)
+        return boxes
 
     @property
     def next_member(self) -> int:

@@ -20,6 +20,7 @@ from typing import TypeAlias
 import numpy as np
 
 from procphys_ros.elementary import cos, sin
+from procphys_ros.geometry.hexahedron import prisms
 from procphys_ros.geometry.linear import product
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.boxes import (
@@ -27,7 +28,6 @@ from procphys_ros.wallgrammar.boxes import (
     from_cells,
     Joint,
     MICRO,
-    micros,
     SPAN,
     stack,
 )
@@ -255,7 +255,7 @@ def _free_slab(site: Site, plan: Footprint, bottom: int, level: int) -> None:
     """Lay a slab over a plan without right angles, in pieces with slanting ends."""
     yaw = plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
-    form, most = len(site.forms), _SLAB_PIECE / MICRO
+    outlines, most = [], _SLAB_PIECE / MICRO
     for piece in trapezia(product(plan.points, turn)):
         wide = float(max(piece[1, 0] - piece[0, 0], piece[3, 0] - piece[2, 0]))
         counts = [max(SPAN, int(np.ceil(wide / most))),
@@ -267,13 +267,8 @@ def _free_slab(site: Site, plan: Footprint, bottom: int, level: int) -> None:
                              ((piece[0], piece[2]), (piece[1], piece[3]))]
                             for share in (start, end))
             lines = [left + across * (right - left) for left, right in (lower, upper)]
-            for k in range(counts[0]):
-                outline = np.concatenate([lines[0][k:k + 2], lines[1][k:k + 2]])
-                site.forms.append(np.concatenate([np.insert(outline, 2, z / MICRO, axis=1)
-                                                  for z in (bottom, level)]))
-    corners = np.array(site.forms[form:])
-    boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)),
-                       kind=site.kind('slab'), material=site.material('concrete'),
-                       member=site.next_member)
-    boxes.form[:] = form + np.arange(len(boxes))
-    site.add(boxes)
+            outlines += [np.concatenate([line[k:k + 2] for line in lines])
+                         for k in range(counts[0])]
+    site.add(site.hexahedra(prisms(np.array(outlines), bottom / MICRO, level / MICRO),
+                            site.kind('slab'), site.material('concrete'),
+                            member=site.next_member))

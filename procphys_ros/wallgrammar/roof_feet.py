@@ -21,13 +21,13 @@ from typing import NamedTuple
 import numpy as np
 
 from procphys_ros.elementary import cos, hypot, sin
+from procphys_ros.geometry.hexahedron import prisms
 from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.boxes import (
     Boxes,
     from_cells,
     Joint,
     MICRO,
-    micros,
     split_along,
     stack,
 )
@@ -102,9 +102,8 @@ class RoofFeet:
 
     def eaves(self) -> list[int]:
         """List the edges with eaves, from south and west to north and east in each frame."""
-        return sorted((i for i in range(len(self.walls)) if i not in self.plan.gables),
-                      key=lambda i: (self.walls[i].facade.frame,
-                                     (self.walls[i].facade.quarter + 1) % 4))
+        return sorted(self.plan.eaves, key=lambda i: (self.walls[i].facade.frame,
+                                                      (self.walls[i].facade.quarter + 1) % 4))
 
     def lay_plates(self) -> np.ndarray:
         """Lay plates on the walls below eaves, mitred at the corners into one ring."""
@@ -300,14 +299,8 @@ class RoofFeet:
             plan = np.stack([along[k], np.tile(sides, (2, 1))], axis=-1)  # by end and side
             if axis == 0:
                 plan = plan.transpose(1, 0, 2)
-            self._cut(placed, k, facade.place_points(np.concatenate(
-                [np.insert(plan[..., [axis, 1 - axis]].reshape(4, 2), 2, level, axis=1)
-                 for level in (low[2], high[2])]) / MICRO))
+            cut = self.site.hexahedra(facade.place_points(prisms(
+                plan[..., [axis, 1 - axis]].reshape(1, 4, 2), low[2], high[2]) / MICRO))
+            for name in ('low', 'high', 'before', 'after', 'form'):
+                getattr(placed, name)[k] = getattr(cut, name)[0]
         return placed
-
-    def _cut(self, boxes: Boxes, row: int, corners: np.ndarray) -> None:
-        """Cut a box aslant, by its corners in its frame [m], (8, 3)."""
-        boxes.form[row] = len(self.site.forms)
-        boxes.low[row], boxes.high[row] = micros(corners.min(axis=0)), micros(corners.max(axis=0))
-        boxes.before[row] = boxes.after[row] = 0
-        self.site.forms.append(corners)

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import prisms
 from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, split_along
 from procphys_ros.wallgrammar.construction import Site
@@ -398,8 +399,9 @@ class Slope:
                     tiles = _boxes(site, [
                         ((*low, level), (*high, level + TILE[1]))
                         for low, high in corners[mask][:, [0, 3]]], frame, 'tile', 'tile'
-                    ) if (mask & whole).any() else _prisms(
-                        site, corners[mask], level, level + TILE[1], frame)
+                    ) if (mask & whole).any() else site.hexahedra(
+                        prisms(corners[mask], level, level + TILE[1]), site.kind('tile'),
+                        site.material('tile'), frame)
                     tiles.joint[:] = joint
                     rows = site.add(tiles)
                     if not (mask & whole).any():
@@ -496,24 +498,6 @@ def distance(line: np.ndarray, place: np.ndarray) -> float:
     length = float((way * way).sum())
     share = float(np.clip(((place - line[0]) * way).sum() / length, 0.0, 1.0)) if length else 0.0
     return float(hypot(*(place - line[0] - share * way)))
-
-
-def _prisms(site: Site, outlines: np.ndarray, low: float, high: float, frame: int) -> Boxes:
-    """
-    Make tiles on outlines.
-
-    :param site: receives their corners.
-    :param outlines: corners -x -y, +x -y, -x +y, +x +y [m], (n, 4, 2).
-    :param low, high: levels [m].
-    """
-    corners = np.zeros((len(outlines), 8, 3))
-    corners[:, :4, :2] = corners[:, 4:, :2] = outlines
-    corners[:, :4, 2], corners[:, 4:, 2] = low, high
-    boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)), frame=frame,
-                       kind=site.kind('tile'), material=site.material('tile'))
-    boxes.form[:] = len(site.forms) + np.arange(len(boxes))
-    site.forms += list(corners)
-    return boxes
 
 
 def _boxes(site: Site, ends: Sequence[tuple], frame: int, kind: str, material: str) -> Boxes:

@@ -23,7 +23,7 @@ from procphys_ros.elementary import acos, atan2, cos, hypot, sin, tan
 from procphys_ros.geometry.linear import product, solve
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros
+from procphys_ros.wallgrammar.boxes import MICRO
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.footprint import Footprint
 
@@ -147,7 +147,7 @@ def build(site: Site, plan: Footprint, layout: Layout, base: int, pitch: float,
     yaw = plan.yaws[0]
     turn = np.array([[cos(yaw), -sin(yaw)], [sin(yaw), cos(yaw)]])
     corners[..., :2] = product(corners[..., :2], turn)  # from the building into the first frame
-    site.add(_boxes(site, layout, corners))
+    site.add(site.hexahedra(corners, site.kind(STONE), layout.material))
 
 
 def _pyramid(plan: Footprint, layout: Layout, pitch: float, place: Place) -> Pyramid:
@@ -233,12 +233,3 @@ def _prism(bottom: np.ndarray, top: np.ndarray, low: float, high: float) -> np.n
     order = [0, 1, 3, 2]
     return np.concatenate([np.column_stack([outline[order], np.full(4, level)])
                            for outline, level in ((bottom, low), (top, high))])
-
-
-def _boxes(site: Site, layout: Layout, corners: np.ndarray) -> Boxes:
-    form = len(site.forms) + np.arange(len(corners))
-    site.forms += list(corners)
-    boxes = from_cells(micros(corners.min(axis=1)), micros(corners.max(axis=1)),
-                       kind=site.kind(STONE), material=layout.material)
-    boxes.form[:] = form
-    return boxes
