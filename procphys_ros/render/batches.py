@@ -15,7 +15,6 @@
 
 """Batches: pieces of one kind and texture, copies of one mesh that stay on the graphics side."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,40 +25,13 @@ from procphys_ros.appearance.unit_meshes import Kind, unit_mesh
 from procphys_ros.render.program import Programs, set_uniforms
 
 _FIXED = '3f 3f 2f 1f'  # per copy: constant data
+SIZE, THICKNESS, TONE, SHARE, MORE = 0, 2, 3, 6, 9  # first columns of these
 _FIXED_NAMES = ('in_size', 'in_tone', 'in_share', 'in_offset')
 _MORE = {Kind.LEAF: ('3f', ('in_outward',)), Kind.SPRAY: ('3f', ('in_outward',)),
          Kind.TRIANGLE: ('3f 3f 3f', ('in_a', 'in_b', 'in_c')),
          Kind.HEXAHEDRON: ('3f ' * 7 + '3f', tuple(f'in_c{corner}' for corner in range(8)))}
 _AWAY = -1e5  # [m] height of pieces that are gone
 _SWELL = 0.012  # [m] by which bricks grow in the sun's view, to cover the joints between them
-
-
-@dataclass(frozen=True)
-class Copies:
-    """
-    Constant data of some pieces, independent of their motion.
-
-    :ivar size: of a box or ball its extents, of a branch base and tip diameter and length, of a
-        leaf length [m], aspect and relative thickness, (K, 3).
-    :ivar tone: colour, (K, 3).
-    :ivar share: sun and sky light transmitted by the surrounding leaves, 0 to 1, (K, 2); of
-        branches the sky light at the base and at the tip.
-    :ivar offset: of the image [m], (K,).
-    :ivar more: of leaves the direction out of the crown in their frame, (K, 3); of triangles the
-        corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24); else
-        (K, 0).
-    """
-
-    size: np.ndarray
-    tone: np.ndarray
-    share: np.ndarray
-    offset: np.ndarray
-    more: np.ndarray
-
-    def table(self) -> np.ndarray:
-        """Return one row per piece, in the order of the shaders."""
-        return np.column_stack([self.size, self.tone, self.share, self.offset, self.more]
-                               ).astype('f4')
 
 
 class Batch:
@@ -95,9 +67,24 @@ class Batch:
         """Return whether it is transparent."""
         return self.look.rgba[3] < 1.0
 
-    def append(self, copies: Copies) -> None:
-        """Add pieces, out of sight until they are moved."""
-        table = copies.table()
+    def append(self, rows: np.ndarray, size: np.ndarray | float, share: np.ndarray,
+               offset: np.ndarray | float = 0.0, more: np.ndarray | None = None) -> None:
+        """
+        Add pieces, out of sight until they are moved.
+
+        :param rows: that determine their colours, (K,).
+        :param size: of a box or ball its extents, of a branch base and tip diameter and length, of
+            a leaf length [m], aspect and relative thickness, (K, 3); 1 for others.
+        :param share: sun and sky light transmitted by the surrounding leaves, 0 to 1, (K, 2); of
+            branches the sky light at the base and at the tip.
+        :param offset: of the image [m], (K,).
+        :param more: of leaves the direction out of the crown in their frame, (K, 3); of triangles
+            the corners in the frame of their part [m], (K, 9); of hexahedra likewise, (K, 24).
+        """
+        count = len(rows)
+        table = np.column_stack([
+            np.broadcast_to(size, (count, 3)), self.tones(rows), share,
+            np.broadcast_to(offset, count), *([] if more is None else [more])]).astype('f4')
         self._fixed = np.concatenate([self._fixed.reshape(-1, table.shape[1]), table])
         poses = np.zeros((len(table), 7), 'f4')
         poses[:, 2], poses[:, 6] = _AWAY, 1.0
@@ -133,39 +120,30 @@ class Batch:
         if len(rows):
             self.move(poses)
 
-    def paint(self, tone: np.ndarray, rows: np.ndarray) -> None:
-        """Set the colour of pieces, (K, 3)."""
-        self._fixed[rows, 3:6] = tone
-        self._buffers[1].write(self._fixed)
-
-    def press(self, thickness: np.ndarray) -> None:
-        """Set the relative thickness of leaves, (K,)."""
-        if not np.array_equal(self._fixed[:, 2], thickness.astype('f4')):
-            self._fixed[:, 2] = thickness
-            self._buffers[1].write(self._fixed)
-
-    def resize(self, size: np.ndarray) -> bool:
+    def update(self, column: int, values: np.ndarray,
+               rows: slice | np.ndarray = slice(None)) -> bool:
         """
-        Set the sizes of all pieces, see `Copies`, of leaves their lengths, (K, 1 or 3).
+        Change constant data of pieces; return whether any differs.
 
-        :returns: whether any has changed.
+        :param column: `SIZE`, `THICKNESS`, `TONE`, `SHARE` or `MORE`, the first that is changed.
+        :param values: see `append`, (K, n).
+        :param rows: of the pieces; default all.
         """
-        size = size.astype('f4')
-        if np.array_equal(self._fixed[:, :size.shape[1]], size):
+        values, columns = values.astype('f4'), slice(column, column + values.shape[1])
+        if np.array_equal(self._fixed[rows, columns], values):
             return False
-        self._fixed[:, :size.shape[1]] = size
+        self._fixed[rows, columns] = values
         self._buffers[1].write(self._fixed)
         return True
 
-    def light(self, share: np.ndarray) -> None:
-        """Set the shares of light of all pieces, see `Copies`, (K, 2)."""
-        self._fixed[:, 6:8] = share
-        self._buffers[1].write(self._fixed)
-
-    def reform(self, more: np.ndarray, rows: np.ndarray) -> None:
-        """Set the kind-specific data of some pieces, see `Copies`, (K, n)."""
-        self._fixed[rows, -more.shape[1]:] = more
-        self._buffers[1].write(self._fixed)
+    def tones(self, rows: np.ndarray) -> np.ndarray:
+        """Return the colour of each piece by its row, (K, 3), constant over time."""
+        rng = np.random.default_rng(1)
+        last, own = int(rows.max()) + 1, self.look.variation
+        tone = 1.0 + own * rng.uniform(-1.0, 1.0, last)[rows, None]
+        warmth = rng.uniform(-1.0, 1.0, last)[rows, None] * [1.0, 0.0, -1.0]
+        return (np.asarray(self.look.rgba[:3]) / texture.mean_light(self.look.pattern)
+                * tone * (1.0 + 0.4 * own * warmth))
 
     def draw(self, uniforms: dict[str, Any]) -> None:
         """Draw the surface."""

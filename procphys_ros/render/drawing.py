@@ -23,7 +23,7 @@ import numpy as np
 
 from procphys_ros.appearance import joints, texture
 from procphys_ros.appearance.closers import Closers, closers
-from procphys_ros.appearance.palette import Look, look
+from procphys_ros.appearance.palette import look
 from procphys_ros.appearance.torn_wood import WoodJoints
 from procphys_ros.appearance.unit_meshes import Kind
 from procphys_ros.blueprint import Blueprint, GROUND, Law, Shape
@@ -31,7 +31,7 @@ from procphys_ros.blueprint.cut_bricks import first_pieces
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.dust import Puffs
 from procphys_ros.render import light
-from procphys_ros.render.batches import Batch, Copies
+from procphys_ros.render.batches import Batch, MORE, SHARE, SIZE, THICKNESS, TONE
 from procphys_ros.render.camera import View
 from procphys_ros.render.program import Programs
 
@@ -123,7 +123,8 @@ class SceneBatches:
             if key[0] == 'leaf':
                 self._petioles[key] = petioles[rows]
                 if moment.lying is not None:
-                    self._batches[key].press(np.where(moment.lying[rows], _PRESSED, 1.0))
+                    self._batches[key].update(THICKNESS, np.where(
+                        moment.lying[rows, None], _PRESSED, 1.0))
                 self._batches[key].move(petioles[rows])
             elif key[0] == 'triangle':
                 self._batches[key].move(poses[moment.blueprint.ornaments.part[rows]])
@@ -139,9 +140,9 @@ class SceneBatches:
         self._blueprint, self._wood = blueprint, WoodJoints(blueprint)
         for key, rows in self._rows.items():
             if key[:2] == ('part', Kind.BRANCH):
-                grows |= self._batches[key].resize(blueprint.visual_size[rows])
+                grows |= self._batches[key].update(SIZE, blueprint.visual_size[rows])
             elif key[0] == 'leaf':
-                grows |= self._batches[key].resize(blueprint.leaves.size[rows, None])
+                grows |= self._batches[key].update(SIZE, blueprint.leaves.size[rows, None])
         if not grows:
             return
         self._sun, *self._sky = _shades(moment, np.vstack([self._towards, light.SKY]))
@@ -153,10 +154,10 @@ class SceneBatches:
                 share = self._light(poses[rows, :3])
             elif key[0] == 'leaf':
                 share = self._light(_leaf_middles(petioles[rows], blueprint.leaves.size[rows]))
-                self._batches[key].reform(outward[rows], np.arange(len(rows)))
+                self._batches[key].update(MORE, outward[rows])
             else:
                 continue
-            self._batches[key].light(share)
+            self._batches[key].update(SHARE, share)
 
     def single_out(self, view: View, height: int) -> None:
         """
@@ -178,9 +179,7 @@ class SceneBatches:
             own = 'spray', key[1]
             if not len(near) and own not in self._batches:
                 continue
-            if own not in self._batches:
-                self._batches[own] = Batch(self._context, self._programs, Kind.SPRAY, look(key[1]))
-            self._batches[own].show(clusters, near, poses[near])
+            self._batch(own, Kind.SPRAY, key[1]).show(clusters, near, poses[near])
             hidden = poses.copy()
             hidden[near] = np.nan
             clusters.move(hidden)
@@ -218,8 +217,7 @@ class SceneBatches:
             for name, rows in _by_texture(blueprint, new[chosen], blueprint.texture):
                 share = (self._light_along(poses[rows], size[rows, 2]) if kind is Kind.BRANCH
                          else self._light(poses[rows, :3]))
-                self._add(('part', kind, name), kind, look(name), rows, size[rows],
-                          share, offset[rows],
+                self._add(('part', kind, name), kind, name, rows, size[rows], share, offset[rows],
                           corners[rows] if kind is Kind.HEXAHEDRON else None, alike[rows])
 
     def _append_leaves(self, blueprint: Blueprint, poses: np.ndarray,
@@ -231,11 +229,10 @@ class SceneBatches:
         self._leaves = len(leaves)
         outward = _outward(blueprint)
         for name, rows in _by_texture(blueprint, new, leaves.texture):
-            size = np.zeros((len(rows), 3))
-            size[:, 0], size[:, 1], size[:, 2] = leaves.size[rows], look(name).aspect, 1.0
-            self._add(('leaf', name), Kind.LEAF, look(name), rows, size,
+            size = leaves.size[rows, None] * [1.0, 0.0, 0.0] + [0.0, look(name).aspect, 1.0]
+            self._add(('leaf', name), Kind.LEAF, name, rows, size,
                       self._light(_leaf_middles(petioles[rows], leaves.size[rows])),
-                      np.zeros(len(rows)), outward[rows])
+                      more=outward[rows])
 
     def _append_triangles(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         ornaments = blueprint.ornaments
@@ -243,9 +240,8 @@ class SceneBatches:
         self._triangles = len(ornaments)
         new = new[~blueprint.balls[ornaments.part[new]]]
         for name, rows in _by_texture(blueprint, new, ornaments.texture):
-            self._add(('triangle', name), Kind.TRIANGLE, look(name), rows,
-                      np.ones((len(rows), 3)), self._light(poses[ornaments.part[rows], :3]),
-                      np.zeros(len(rows)), ornaments.triangle[rows])
+            self._add(('triangle', name), Kind.TRIANGLE, name, rows, 1.0,
+                      self._light(poses[ornaments.part[rows], :3]), more=ornaments.triangle[rows])
 
     def _append_joints(self, blueprint: Blueprint, poses: np.ndarray) -> None:
         seats = joints.seats(blueprint, self._bonds)
@@ -255,12 +251,9 @@ class SceneBatches:
         self._append_closers(blueprint, fill, poses)
         if not len(seats.bond):
             return
-        name = joints.mortar_of(blueprint)
         self._seats.append((key, seats))
-        self._batches[key] = Batch(self._context, self._programs, Kind.JOINT, look(name))
-        self._batches[key].append(_copies(
-            look(name), seats.bond, seats.size, self._light(poses[seats.first, :3]),
-            np.zeros(len(seats.bond)), np.zeros((len(seats.bond), 0))))
+        self._batch(key, Kind.JOINT, joints.mortar_of(blueprint)).append(
+            seats.bond, seats.size, self._light(poses[seats.first, :3]))
         self._last = np.full((0, 7), np.nan)
 
     def _append_closers(self, blueprint: Blueprint, fill: Closers, poses: np.ndarray) -> None:
@@ -268,28 +261,27 @@ class SceneBatches:
             key = 'closer', name, self._bonds
             mine, first = fill.take(rows), fill.first[rows]
             self._closers.append((key, mine))
-            self._batches[key] = Batch(self._context, self._programs, Kind.HEXAHEDRON, look(name))
-            self._batches[key].append(_copies(
-                look(name), first, np.ones((len(rows), 3)), self._light(poses[first, :3]),
-                np.zeros(len(rows)), mine.corners))
+            self._batch(key, Kind.HEXAHEDRON, name).append(
+                first, 1.0, self._light(poses[first, :3]), more=mine.corners)
         self._last = np.full((0, 7), np.nan)
 
-    def _add(self, key: tuple, kind: Kind, appearance: Look, rows: np.ndarray, size: np.ndarray,
-             share: np.ndarray, offset: np.ndarray, more: np.ndarray | None = None,
-             first: np.ndarray | None = None) -> None:
-        """
-        Add pieces to a batch, which is created if there is none.
+    def _batch(self, key: tuple, kind: Kind, name: str) -> Batch:
+        """Return a batch of a texture, which is created if there is none."""
+        if key not in self._batches:
+            self._batches[key] = Batch(self._context, self._programs, kind, look(name))
+        return self._batches[key]
 
-        :param more: kind-specific data, (K, n); None = nothing.
+    def _add(self, key: tuple, kind: Kind, name: str, rows: np.ndarray,
+             size: np.ndarray | float, share: np.ndarray, offset: np.ndarray | float = 0.0,
+             more: np.ndarray | None = None, first: np.ndarray | None = None) -> None:
+        """
+        Add pieces to a batch, see `Batch.append`.
+
         :param first: row that determines the colour of each, (K,); None = its own.
         """
-        if key not in self._batches:
-            self._batches[key] = Batch(self._context, self._programs, kind, appearance)
-            self._rows[key] = np.zeros(0, int)
-        self._rows[key] = np.append(self._rows[key], rows)
-        more = np.zeros((len(rows), 0)) if more is None else more
-        first = rows if first is None else first
-        self._batches[key].append(_copies(appearance, first, size, share, offset, more))
+        self._rows[key] = np.append(self._rows.get(key, np.zeros(0, int)), rows)
+        self._batch(key, kind, name).append(rows if first is None else first, size, share, offset,
+                                            more)
 
     def _light(self, places: np.ndarray) -> np.ndarray:
         """Return the shares of sun and sky light that leaves transmit to points, (K, 2)."""
@@ -328,21 +320,18 @@ class SceneBatches:
             self._opened[bond] = now
             for name, part, corners in self._wood.ends(bond, now):
                 parts, bonds = self._torn[name]
-                self._batches['torn', name].reform(corners, (parts == part) & (bonds == bond))
+                self._batches['torn', name].update(
+                    MORE, corners, (parts == part) & (bonds == bond))
 
     def _append_torn(self, name: str, part: int, bond: int, corners: np.ndarray,
                      poses: np.ndarray) -> None:
         count, nothing = len(corners), np.zeros(0, int)
-        if name not in self._torn:
-            self._batches['torn', name] = Batch(self._context, self._programs, Kind.TRIANGLE,
-                                                look(name))
         parts, bonds = self._torn.get(name, (nothing, nothing))
         self._torn[name] = (np.append(parts, np.full(count, part)),
                             np.append(bonds, np.full(count, bond)))
         place = corners[:, :3] if part == GROUND else np.tile(poses[part, :3], (count, 1))
-        self._batches['torn', name].append(_copies(
-            look(name), np.full(count, bond), np.ones((count, 3)), self._light(place),
-            np.zeros(count), corners))
+        self._batch(('torn', name), Kind.TRIANGLE, name).append(
+            np.full(count, bond), 1.0, self._light(place), more=corners)
 
     def _move_joints(self, poses: np.ndarray) -> None:
         """Move the mortar between parts that have moved."""
@@ -372,7 +361,7 @@ class SceneBatches:
             rows = np.flatnonzero(dark[seats.bond])
             if len(rows):
                 batch = self._batches[key]
-                batch.paint(_CRACK_TONE * _tones(batch.look, seats.bond[rows]), rows)
+                batch.update(TONE, _CRACK_TONE * batch.tones(seats.bond[rows]), rows)
 
 
 def _by_texture(blueprint: Blueprint, rows: np.ndarray,
@@ -381,21 +370,6 @@ def _by_texture(blueprint: Blueprint, rows: np.ndarray,
     for index in np.unique(texture[rows]):
         name = blueprint.textures[index] if blueprint.textures else ''
         yield name, rows[texture[rows] == index]
-
-
-def _copies(appearance: Look, rows: np.ndarray, size: np.ndarray, share: np.ndarray,
-            offset: np.ndarray, more: np.ndarray) -> Copies:
-    return Copies(size, _tones(appearance, rows), share, offset, more)
-
-
-def _tones(appearance: Look, rows: np.ndarray) -> np.ndarray:
-    """Return the colour of each piece by its row, (K, 3), constant over time."""
-    rng = np.random.default_rng(1)
-    last = int(rows.max()) + 1
-    tone = 1.0 + appearance.variation * rng.uniform(-1.0, 1.0, last)[rows, None]
-    warmth = rng.uniform(-1.0, 1.0, last)[rows, None] * [1.0, 0.0, -1.0]
-    own = np.asarray(appearance.rgba[:3]) / texture.mean_light(appearance.pattern)
-    return own * tone * (1.0 + 0.4 * appearance.variation * warmth)
 
 
 def _paths(blueprint: Blueprint) -> tuple[np.ndarray, np.ndarray]:
