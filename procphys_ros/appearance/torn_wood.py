@@ -41,7 +41,6 @@ _ONWARDS = 0.75   # of the end below: least foot width of wood that continues it
 _PLATE, _DEPTH = 4.0, 0.5
 _RIM, _ROOTS = 14, 8  # corners of the plate, roots that project from it
 _OVER = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])  # reverses z
-_GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _MOST = 100   # broken joints drawn at once, the first ones
 _STEPS = 16   # of opening, in which roots leave the ground in messages and on the page
 _PERIOD = 10  # updates per search for new ones: breaks are few
@@ -90,7 +89,7 @@ class WoodJoints:
         self._bond = np.flatnonzero(blueprint.bond_law == Law.HINGE)
         self._parent, self._child = blueprint.bonds[self._bond].T
         frame = blueprint.bond_frame[self._bond]
-        rest = np.concatenate([blueprint.poses, _GROUND_FRAME])  # the ground is the last part
+        rest = np.concatenate([blueprint.poses, rotation.ORIGIN[None]])  # the ground comes last
         self._inner = rotation.relative(rest[self._child], frame)
         self._outer = rotation.relative(rest[self._parent], frame)
         self._stretches = np.isfinite(blueprint.hinges.stretch_stiffness)
@@ -130,7 +129,7 @@ class WoodJoints:
 
     def _sides(self, poses: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Compute the poses of joints by their children and by their parents, (K, 7) each."""
-        frames = np.concatenate([poses, _GROUND_FRAME])
+        frames = np.concatenate([poses, rotation.ORIGIN[None]])
         return (rotation.compose(frames[self._child[rows]], self._inner[rows]),
                 rotation.compose(frames[self._parent[rows]], self._outer[rows]))
 

@@ -21,6 +21,7 @@ from functools import cache
 import numpy as np
 
 from procphys_ros.appearance import mesh, texture
+from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import FACES
 from procphys_ros.geometry.linear import norm, product
 
@@ -67,11 +68,10 @@ def unit_mesh(kind: Kind, pattern: str = '') -> '_Mesh':
 
 
 _Mesh = tuple[np.ndarray, str, tuple[str, ...], np.ndarray]
-_NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 
 
 def _box() -> _Mesh:
-    box = mesh.boxes(_NOWHERE, np.ones((1, 3)))
+    box = mesh.boxes(rotation.ORIGIN[None], np.ones((1, 3)))
     return np.hstack([box.points, box.normals]), '3f 3f', ('in_corner', 'in_normal'), box.triangles
 
 
@@ -99,7 +99,7 @@ def _ball() -> _Mesh:
 
 
 def _leaf() -> _Mesh:
-    quads = mesh.crossed_quads(_NOWHERE, np.ones(1), 1.0)
+    quads = mesh.crossed_quads(rotation.ORIGIN[None], np.ones(1), 1.0)
     return np.hstack([quads.points, quads.uv]), '3f 2f', ('in_corner', 'in_uv'), quads.triangles
 
 

@@ -24,11 +24,11 @@ from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
 _VERSION = '1.10'  # of Gazebo Garden and later: joints between a model and the world
 _GROUND = 500.0  # [m] edge of the ground as drawn; collisions reach farther
-_HERE = np.array([0.0, 0.0, 0.0, 1.0])
 _BASE = 'base'       # link of a model that its trees stand on, fixed to the world
 _BASE_MASS = 1.0     # [kg], without any effect
 _NOTE = 'Units: m, kg, s, rad. Joint angles are 0 at the moment of the export.'
@@ -123,7 +123,7 @@ def _link(content: Content, link: Link, model: ElementTree.Element) -> None:
     element = child(model, 'link', name=link.name)
     _pose(link.frame, element)
     inertial = child(element, 'inertial')
-    seat = np.concatenate([[0.0, 0.0, link.reach], _HERE])
+    seat = np.concatenate([[0.0, 0.0, link.reach], rotation.IDENTITY])
     _pose(seat, inertial)
     child(inertial, 'mass', text(link.mass))
     inertia = child(inertial, 'inertia')

@@ -65,8 +65,8 @@ def surfaces(content: Content) -> Iterator[Surface]:
                                 & np.isfinite(content.petioles).all(axis=1))
         twigs = np.flatnonzero((twig_owner == number) & drawn)
         yield from _solids(content, owner.name, parts, first)
-        yield from _leaves(content, owner.name, leaves)
-        yield from _twigs(content, owner.name, twigs)
+        for texture, rows, built in foliage(content, leaves, twigs):
+            yield _surface(owner.name, texture, built, rows, leaf=True)
     yield from _mortar(content)
     if not content.terrain.is_flat:
         hills = ground(content.terrain)
@@ -101,22 +101,38 @@ def _mortar(content: Content) -> Iterator[Surface]:
                            fill.first[rows])
 
 
-def _leaves(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
-    leaves, textures = content.blueprint.leaves, content.textures
-    for index in np.unique(leaves.texture[rows]):
-        mine = rows[leaves.texture[rows] == index]
-        quads = mesh.crossed_quads(content.petioles[mine], leaves.size[mine],
-                                   look(textures[index]).aspect)
-        yield _surface(owner, textures[index], quads, mine, leaf=True)
+def foliage(content: Content, leaves: np.ndarray, twigs: np.ndarray,
+            part: int | None = None) -> Iterator[tuple[str, np.ndarray, Mesh]]:
+    """
+    Build leaves and twigs by texture: its name, their rows, and their mesh.
+
+    :param leaves, twigs: rows of leaves and ornaments, (K,) each.
+    :param part: that carries all of them, in whose frame they are built; None = in the world.
+    """
+    blueprint = content.blueprint
+    for index in np.unique(blueprint.leaves.texture[leaves]):
+        name, rows = content.textures[index], leaves[blueprint.leaves.texture[leaves] == index]
+        petioles = content.petioles[rows]
+        if part is not None:
+            petioles = rotation.relative(content.poses[part], petioles)
+        yield name, rows, mesh.crossed_quads(petioles, blueprint.leaves.size[rows],
+                                             look(name).aspect)
+    ornaments = blueprint.ornaments
+    for index in np.unique(ornaments.texture[twigs]):
+        rows = twigs[ornaments.texture[twigs] == index]
+        carriers = (content.poses[ornaments.part[rows]] if part is None
+                    else np.broadcast_to(rotation.ORIGIN, (len(rows), 7)))
+        yield content.textures[index], rows, mesh.loose_triangles(carriers,
+                                                                  ornaments.triangle[rows])
 
 
-def _twigs(content: Content, owner: str, rows: np.ndarray) -> Iterator[Surface]:
-    ornaments, textures = content.blueprint.ornaments, content.textures
-    for index in np.unique(ornaments.texture[rows]):
-        mine = rows[ornaments.texture[rows] == index]
-        triangles = mesh.loose_triangles(content.poses[ornaments.part[mine]],
-                                         ornaments.triangle[mine])
-        yield _surface(owner, textures[index], triangles, mine, leaf=True)
+def foliage_of(content: Content, part: int) -> Iterator[tuple[str, np.ndarray, Mesh]]:
+    """Build the leaves and twigs on a part in its frame, see `foliage`."""
+    blueprint = content.blueprint
+    leaves = np.flatnonzero(blueprint.leaves.part == part)
+    leaves = leaves[np.isfinite(content.petioles[leaves]).all(axis=1)]
+    twigs = np.flatnonzero((blueprint.ornaments.part == part) & ~content.balls[part])
+    return foliage(content, leaves, twigs, part)
 
 
 def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
@@ -145,7 +161,6 @@ def paved(paving: Paving) -> Mesh:
 
 def local_part(content: Content, part: int) -> Mesh:
     """Build the mesh of one part in its own frame, without leaves."""
-    origin = np.concatenate([np.zeros(3), rotation.IDENTITY])
-    poses = np.broadcast_to(origin, (len(content.blueprint), 7))
+    poses = np.broadcast_to(rotation.ORIGIN, (len(content.blueprint), 7))
     (_, built), = mesh.solids(content.blueprint, poses, np.array([part]))
     return built

@@ -26,7 +26,6 @@ from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_li
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
 from procphys_ros.geometry import rotation
 
-_HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _UNLIMITED = 1e9  # [N·m], [rad/s]; URDF requires a bound
 _NOTE = ('Units: m, kg, s, rad. Joint angles are 0 at the moment of the export. Springs stand in '
          'the gazebo elements; they are preloaded by weight.')
@@ -45,7 +44,7 @@ def write_urdf(content: Content, path: Path, report: Report) -> None:
     for name in dict.fromkeys(content.textures):
         child(child(robot, 'material', name=name), 'color', rgba=text(*rgba(name)))
     child(robot, 'link', name=WORLD)
-    frames = {WORLD: _HERE}
+    frames = {WORLD: rotation.ORIGIN}
     links = list(tree_links(content, joints))
     for done, link in enumerate(links, 1):
         _link(content, link, robot)
@@ -55,18 +54,18 @@ def write_urdf(content: Content, path: Path, report: Report) -> None:
     files = meshes(content, path)
     for name, parts in static_parts(content, joints):
         name = unlike(name, frames)
-        frames[name] = _HERE
+        frames[name] = rotation.ORIGIN
         element = child(robot, 'link', name=name)
         for part in parts.tolist():
             _shape(content, part, content.poses[part], element, files.get(part, ''))
-        _attach(name, _HERE, robot)
+        _attach(name, rotation.ORIGIN, robot)
     write(robot, path, _NOTE)
 
 
 def _link(content: Content, link: Link, robot: ElementTree.Element) -> None:
     element = child(robot, 'link', name=link.name)
     inertial = child(element, 'inertial')
-    seat = np.concatenate([[0.0, 0.0, link.reach], _HERE[3:]])
+    seat = np.concatenate([[0.0, 0.0, link.reach], rotation.IDENTITY])
     _origin(seat, inertial)
     child(inertial, 'mass', value=text(link.mass))
     child(inertial, 'inertia', ixy='0', ixz='0', iyz='0',

@@ -26,8 +26,8 @@ from procphys_ros.export.articulation import articulate, Articulation, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import unlike
 from procphys_ros.export.mechanism_tree import mechanism_tree
+from procphys_ros.export.surfaces import foliage_of, local_part, paved
 from procphys_ros.export.surfaces import ground as ground_mesh
-from procphys_ros.export.surfaces import local_part, paved
 from procphys_ros.export.usd_joints import (
     add_base,
     add_hinge,
@@ -40,7 +40,6 @@ from procphys_ros.export.usd_layer import Layer, place, put, refer, relate
 from procphys_ros.export.usd_shapes import (
     add_collider,
     add_mesh,
-    foliage,
     identifier,
     Materials,
     Prototypes,
@@ -130,7 +129,7 @@ def _segments(layer: Layer, materials: Materials, content: Content, joints: Arti
         bark = content.textures[content.blueprint.texture[part]]
         add_mesh(layer, f'{paths[part]}/bark', local_part(content, part), materials.path(bark))
         add_collider(layer, f'{paths[part]}/collider', content, part)
-        for number, (name, shape) in enumerate(foliage(content, part)):
+        for number, (name, _, shape) in enumerate(foliage_of(content, part)):
             add_mesh(layer, f'{paths[part]}/leaves_{number}', shape, materials.path(name), True)
 
 

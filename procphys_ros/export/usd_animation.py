@@ -21,10 +21,10 @@ from pxr import Sdf, Vt
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.export.content import Content, Report
-from procphys_ros.export.surfaces import local_part
+from procphys_ros.export.surfaces import foliage_of, local_part
 from procphys_ros.export.usd import add_ground, ROOT
 from procphys_ros.export.usd_layer import Layer, numbers, put, relate, vectors
-from procphys_ros.export.usd_shapes import add_mesh, foliage, Materials
+from procphys_ros.export.usd_shapes import add_mesh, Materials
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation
 
@@ -114,7 +114,7 @@ class _Group:
         texture = content.textures[content.blueprint.texture[part]]
         add_mesh(self._layer, f'{path}/surface', local_part(content, part),
                  self._materials.path(texture))
-        for number, (name, shape) in enumerate(foliage(content, part) if carries else []):
+        for number, (name, _, shape) in enumerate(foliage_of(content, part) if carries else []):
             add_mesh(self._layer, f'{path}/leaves_{number}', shape, self._materials.path(name),
                      True)
 

@@ -17,16 +17,16 @@
 from collections.abc import Sequence
 
 import numpy as np
-from pxr import Gf
+from pxr import Gf, Sdf
 
 from procphys_ros.blueprint import Blueprint, Joints, JointType, Law
 from procphys_ros.export.articulation import Articulation, Springs
 from procphys_ros.export.content import Content
 from procphys_ros.export.usd_layer import Layer, place, put, quaternion, relate
+from procphys_ros.geometry import rotation
 from procphys_ros.physics.trees.breaks import section_modulus
 
 _BASE_MASS = 1.0  # [kg] without any effect: the base is fixed
-_HERE = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _SHUT = (1.0, -1.0)  # limits that lock a degree of freedom: the lower one is the larger
 _KINDS = {JointType.HINGE: 'PhysicsRevoluteJoint', JointType.SLIDER: 'PhysicsPrismaticJoint',
           JointType.BALL: 'PhysicsSphericalJoint', JointType.WELD: 'PhysicsFixedJoint',
@@ -44,15 +44,14 @@ def add_base(layer: Layer, root: str, frame: np.ndarray) -> tuple[str, np.ndarra
     :param frame: of its first tree's root, world [m], (7,).
     :returns: path and pose of the body.
     """
-    path, pose = f'{root}/base', np.concatenate([frame[:3], _HERE[3:]])
+    path, pose = f'{root}/base', np.concatenate([frame[:3], rotation.IDENTITY])
     body = layer.prim(path, 'Xform', ['PhysicsRigidBodyAPI', 'PhysicsMassAPI'])
     place(body, pose)
     put(body, 'float', 'physics:mass', _BASE_MASS)
     put(body, 'float3', 'physics:diagonalInertia', Gf.Vec3f(_BASE_MASS))
     put(body, 'quatf', 'physics:principalAxes', Gf.Quatf(1.0))
-    joint = layer.prim(f'{root}/anchor', 'PhysicsFixedJoint', ['PhysicsArticulationRootAPI'])
-    relate(joint, 'physics:body1', [path])
-    _seats(joint, pose, _HERE)
+    _join(layer, f'{root}/anchor', 'PhysicsFixedJoint', ('', path), (pose, rotation.ORIGIN),
+          ['PhysicsArticulationRootAPI'])
     return path, pose
 
 
@@ -72,13 +71,11 @@ def add_hinge(layer: Layer, path: str, bodies: Sequence[str], mount: np.ndarray,
         free = {}
     limited = [axis for axis in ('transX', 'transY', 'transZ', 'rotX', 'rotY', 'rotZ')
                if axis not in free or axis in ('rotX', 'rotY')]
-    joint = layer.prim(path, 'PhysicsJoint', [
+    seat = rotation.ORIGIN.copy()
+    seat[2] = joints.slide.value[row] - joints.reach[row]
+    joint = _join(layer, path, 'PhysicsJoint', bodies, (mount, seat), [
         *(f'PhysicsLimitAPI:{axis}' for axis in limited),
         *(f'PhysicsDriveAPI:{axis}' for axis in free)])
-    relate(joint, 'physics:body0', bodies[:1])
-    relate(joint, 'physics:body1', bodies[1:])
-    reach = joints.reach[row] - joints.slide.value[row]
-    _seats(joint, mount, np.concatenate([[0.0, 0.0, -reach], _HERE[3:]]))
     bound = float(np.degrees(joints.limit[row]))
     for axis in limited:
         low, high = (-bound, bound) if axis in free else _SHUT
@@ -100,11 +97,7 @@ def add_weld(layer: Layer, path: str, bodies: Sequence[str], seats: Sequence[np.
     :param force: breaking force [N].
     :param torque: breaking torque [N·m].
     """
-    joint = layer.prim(path, 'PhysicsFixedJoint')
-    for number, body in enumerate(bodies):
-        if body:
-            relate(joint, f'physics:body{number}', [body])
-    _seats(joint, *seats)
+    joint = _join(layer, path, 'PhysicsFixedJoint', bodies, seats)
     put(joint, 'bool', 'physics:excludeFromArticulation', True, uniform=True)
     _breaks(joint, force, torque)
 
@@ -121,11 +114,8 @@ def add_mechanism_joint(layer: Layer, path: str, bodies: Sequence[str],
     kind = JointType(joints.kind[row])
     sprung = joints.stiffness[row] > 0.0 or joints.damping[row] > 0.0
     drive = {JointType.HINGE: 'angular', JointType.SLIDER: 'linear'}.get(kind) if sprung else None
-    joint = layer.prim(path, _KINDS[kind], [f'PhysicsDriveAPI:{drive}'] if drive else [])
-    for number, body in enumerate(bodies):
-        if body:
-            relate(joint, f'physics:body{number}', [body])
-    _seats(joint, *seats)
+    joint = _join(layer, path, _KINDS[kind], bodies, seats,
+                  [f'PhysicsDriveAPI:{drive}'] if drive else [])
     unit = _DEGREE if kind == JointType.HINGE else 1.0
     if kind in (JointType.HINGE, JointType.SLIDER):
         put(joint, 'token', 'physics:axis', 'X', uniform=True)
@@ -185,10 +175,17 @@ def _drive(joint, axis: str, springs: Springs, row: int) -> None:
     put(joint, 'float', f'drive:{axis}:physics:targetPosition', float(springs.rest[row] / unit))
 
 
-def _seats(joint, one: np.ndarray, other: np.ndarray) -> None:
-    for number, seat in enumerate((one, other)):
+def _join(layer: Layer, path: str, kind: str, bodies: Sequence[str],
+          seats: Sequence[np.ndarray], apis: Sequence[str] = ()) -> Sdf.PrimSpec:
+    """Begin a joint between two bodies, '' = the world, by its frames in theirs [m], (7,)."""
+    joint = layer.prim(path, kind, apis)
+    for number, body in enumerate(bodies):
+        if body:
+            relate(joint, f'physics:body{number}', [body])
+    for number, seat in enumerate(seats):
         put(joint, 'point3f', f'physics:localPos{number}', Gf.Vec3f(*seat[:3].tolist()))
         put(joint, 'quatf', f'physics:localRot{number}', quaternion(seat[3:]))
+    return joint
 
 
 def _breaks(joint, force: float, torque: float) -> None:

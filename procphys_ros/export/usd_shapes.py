@@ -20,7 +20,7 @@ import shutil
 import numpy as np
 from pxr import Gf, Sdf
 
-from procphys_ros.appearance import mesh, texture
+from procphys_ros.appearance import texture
 from procphys_ros.appearance.mesh import Mesh
 from procphys_ros.appearance.palette import look
 from procphys_ros.blueprint import Shape
@@ -41,7 +41,6 @@ from procphys_ros.geometry import rotation
 
 _ROUGHNESS = 0.9
 _HOLE = 0.5  # alpha below it is a hole
-ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 class Materials:
@@ -134,11 +133,7 @@ def add_mesh(layer: Layer, path: str, shape: Mesh, material: str, leaf: bool = F
     :param leaf: whether it is two-sided.
     """
     spec = layer.prim(path, 'Mesh', ['MaterialBindingAPI'])
-    put(spec, 'point3f[]', 'points', vectors(shape.points))
-    put(spec, 'int[]', 'faceVertexCounts', numbers(np.full(len(shape.triangles), 3)))
-    put(spec, 'int[]', 'faceVertexIndices', numbers(shape.triangles.ravel()))
-    put(spec, 'float3[]', 'extent', vectors(np.array([shape.points.min(axis=0),
-                                                      shape.points.max(axis=0)])))
+    _put_triangles(spec, shape)
     normals = put(spec, 'normal3f[]', 'normals', vectors(shape.normals))
     normals.SetInfo('interpolation', 'vertex')
     st = put(spec, 'texCoord2f[]', 'primvars:st', vectors(shape.uv))
@@ -161,7 +156,7 @@ def add_collider(layer: Layer, path: str, content: Content, part: int) -> None:
     put(spec, 'token', 'purpose', 'guide', uniform=True)
     if box:
         put(spec, 'double', 'size', 1.0)
-        place(spec, ORIGIN, np.array([x, y, z]))
+        place(spec, rotation.ORIGIN, np.array([x, y, z]))
         half = np.full(3, 0.5)
     else:
         put(spec, 'double', 'radius', 0.5 * float(x))
@@ -177,12 +172,16 @@ def _add_hull(layer: Layer, path: str, shape: Mesh) -> None:
     spec = layer.prim(path, 'Mesh', ['PhysicsCollisionAPI', 'PhysicsMeshCollisionAPI'])
     put(spec, 'token', 'purpose', 'guide', uniform=True)
     put(spec, 'token', 'physics:approximation', 'convexHull', uniform=True)
+    _put_triangles(spec, shape)
+    put(spec, 'token', 'subdivisionScheme', 'none', uniform=True)
+
+
+def _put_triangles(spec: Sdf.PrimSpec, shape: Mesh) -> None:
     put(spec, 'point3f[]', 'points', vectors(shape.points))
     put(spec, 'int[]', 'faceVertexCounts', numbers(np.full(len(shape.triangles), 3)))
     put(spec, 'int[]', 'faceVertexIndices', numbers(shape.triangles.ravel()))
     put(spec, 'float3[]', 'extent', vectors(np.array([shape.points.min(axis=0),
                                                       shape.points.max(axis=0)])))
-    put(spec, 'token', 'subdivisionScheme', 'none', uniform=True)
 
 
 class Prototypes:
@@ -229,24 +228,6 @@ def weigh(spec: Sdf.PrimSpec, content: Content, part: int) -> None:
         Gf.Vec3f(*content.blueprint.inertia[part].tolist()))
     put(spec, 'point3f', 'physics:centerOfMass', Gf.Vec3f(0.0, 0.0, 0.0))
     put(spec, 'quatf', 'physics:principalAxes', Gf.Quatf(1.0, 0.0, 0.0, 0.0))
-
-
-def foliage(content: Content, part: int) -> list[tuple[str, Mesh]]:
-    """Return texture and mesh of the leaves and twigs on a part, in its frame."""
-    blueprint, pose = content.blueprint, content.poses[part]
-    leaves, twigs, out = blueprint.leaves, blueprint.ornaments, []
-    mine = np.flatnonzero(leaves.part == part)
-    mine = mine[np.isfinite(content.petioles[mine]).all(axis=1)]
-    for index in np.unique(leaves.texture[mine]):
-        rows, name = mine[leaves.texture[mine] == index], content.textures[index]
-        out.append((name, mesh.crossed_quads(rotation.relative(pose, content.petioles[rows]),
-                                             leaves.size[rows], look(name).aspect)))
-    mine = np.flatnonzero((twigs.part == part) & ~content.balls[twigs.part])
-    for index in np.unique(twigs.texture[mine]):
-        rows = mine[twigs.texture[mine] == index]
-        out.append((content.textures[index], mesh.loose_triangles(
-            np.broadcast_to(ORIGIN, (len(rows), 7)), twigs.triangle[rows])))
-    return out
 
 
 def _connect(spec: Sdf.PrimSpec, kind: str, name: str, source: str) -> None:

@@ -20,6 +20,7 @@ from procphys_ros.elementary import cos, sin
 from procphys_ros.geometry.linear import norm
 
 IDENTITY = np.array([0.0, 0.0, 0.0, 1.0])
+ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])  # pose of a frame in itself
 
 
 def _components(vectors: np.ndarray) -> tuple[np.ndarray, ...]:

@@ -23,6 +23,7 @@ from types import MappingProxyType
 import numpy as np
 
 from procphys_ros.blueprint import Blueprint
+from procphys_ros.geometry import rotation
 from procphys_ros.language import check_length, find_grammar, read_text
 from procphys_ros.lsystem.compiler import compile_grammar, CompiledGrammar
 from procphys_ros.lsystem.growth import build_drawn, grow, Growth
@@ -30,7 +31,6 @@ from procphys_ros.lsystem.modules import Modules
 from procphys_ros.lsystem.turtle_reader import Drawing
 
 MAX_MODULES = 2_000_000  # longest string; about 1 GB while the turtle reads it
-_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 _NO_DEFINES: Mapping[str, float] = MappingProxyType({})
 
 
@@ -129,6 +129,6 @@ class LSystem:
         return Growth(self.grammar, steps, seed, defines, root)
 
     def _grow(self, steps: int | None, seed: int, defines: Mapping[str, float]) -> Growth:
-        growth = Growth(self.grammar, steps, seed, defines, _ORIGIN)
+        growth = Growth(self.grammar, steps, seed, defines, rotation.ORIGIN)
         grow([growth])
         return growth

@@ -26,6 +26,7 @@ FIELD_OF_VIEW = 32.0  # [degrees], vertical
 _MARGIN = 1.06  # the scene fills this inverse share of the frame
 _FEW, _ROUNDS = 100, 5  # points that are all used, and number of shifts of the target
 _BEARING = np.radians(-72.0)  # the camera stands mostly to the south of the scene
+_CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _LOW, _HIGH = np.radians(4.0), np.radians(17.0)  # elevation for a lone tree and a wide scene
 
 
@@ -120,13 +121,13 @@ def _outermost(points: np.ndarray) -> np.ndarray:
         return np.unique(points, axis=0)
 
 
-def corners(poses: np.ndarray, size: np.ndarray, unit: np.ndarray) -> np.ndarray:
+def corners(poses: np.ndarray, size: np.ndarray, unit: np.ndarray = _CUBE) -> np.ndarray:
     """
     Transform unit points to points of pieces [m], world, (N·C, 3).
 
     :param poses: of the pieces, world, (N, 7).
     :param size: their extents [m], (N, 3).
-    :param unit: the points relative to the extents, (C, 3).
+    :param unit: the points relative to the extents, (C, 3); default the corners of boxes.
     """
     turned = rotation.rotate(poses[:, None, 3:], unit * size[:, None])
     return (poses[:, None, :3] + turned).reshape(-1, 3)

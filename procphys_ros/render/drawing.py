@@ -38,7 +38,6 @@ from procphys_ros.render.program import Programs
 _LEAF_SHARE = 0.5  # leaf area over size squared of a cluster, for shade only
 SINGLE = 22.0  # [px] of length above which leaves are drawn singly
 _MOST_BLADES = 80_000  # of these per picture and kind, the nearest: half a second on a core
-_GROUND_FRAME = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _PRESSED = 0.1  # thickness of a lying cluster of leaves over that of a growing one
 _CRACK_TONE = 0.12  # of a cracked joint, over that of a whole one
 
@@ -306,7 +305,7 @@ class SceneBatches:
             for name, part, corners in self._wood.ends(bond):
                 self._append_torn(name, part, bond, corners, poses)
         self._open_torn(apart, poses)
-        frames = np.concatenate([poses, _GROUND_FRAME])
+        frames = np.concatenate([poses, rotation.ORIGIN[None]])
         for name, (parts, bonds) in self._torn.items():
             there = np.isin(bonds, apart)[:, None]
             self._batches['torn', name].move(np.where(there, frames[parts], np.nan))

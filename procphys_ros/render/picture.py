@@ -38,7 +38,6 @@ LARGEST_SIDE = 8192  # [px] that OpenGL in software can still allocate
 _EMPTY_SCENE = np.array([[-1.0, -1.0, 0.0], [1.0, 1.0, 1.0]])  # [m] corners to look at
 _ROOM = 1.25  # margin of the shadow bounds, so that they change seldom
 _HANGING = 1e-6  # [m] tolerance for a petiole on its branch
-_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 class Renderer:
@@ -175,7 +174,7 @@ def scene_points(moment: Moment) -> np.ndarray:
     blueprint, poses = moment.blueprint, moment.poses[shown]
     if not len(poses):
         return _EMPTY_SCENE
-    ends = cameras.corners(poses, blueprint.visual_size[shown], _CORNERS)
+    ends = cameras.corners(poses, blueprint.visual_size[shown])
     carried = Moment(blueprint, moment.poses).petioles()
     petioles = moment.petioles()
     hangs = shown[blueprint.leaves.part]

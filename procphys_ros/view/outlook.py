@@ -33,7 +33,6 @@ SIDES = {'above': (0.0, -0.02, 1.0), 'south': (0.0, -1.0, 0.15), 'west': (-1.0, 
 _EYE_HEIGHT = 1.6  # [m] of a person
 _PATIENCE = 30.0  # [s] to wait for the picture of a browser
 _NONE = '–'
-_CORNERS = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 
 
 class Outlook:
@@ -123,4 +122,4 @@ def at_parts(frame: Frame, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray] |
     if not len(parts):
         return None
     return surroundings.look_at(
-        camera.corners(frame.poses[parts], frame.content.size[parts], _CORNERS))
+        camera.corners(frame.poses[parts], frame.content.size[parts]))

@@ -23,6 +23,7 @@ import numpy as np
 from procphys_ros.appearance import mesh, texture
 from procphys_ros.appearance.palette import look
 from procphys_ros.appearance.unit_meshes import Kind, unit_mesh
+from procphys_ros.geometry import rotation
 
 _TONES = 4  # shades of a texture, which distinguish neighbouring bricks
 _UNIFORM = 0.08  # variation of looks below which one shade is enough
@@ -30,7 +31,6 @@ TAPERS = np.array([0.4, 0.75, 1.0])  # tip diameters over base diameters
 _SIDES = 9  # faces around a branch
 _LAP = 0.02  # share of its length by which a segment reaches into its neighbours
 _SURFACE_PIXELS, _LEAF_PIXELS = 64, 128
-_NOWHERE = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
 _CUT_OFF = 0.4  # opacity below which a leaf's image is cut out
 
 
@@ -53,7 +53,7 @@ def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
 
     :param corners: as in `Hexahedra.corners` [m], (24,).
     """
-    solid = mesh.hexahedra(_NOWHERE, corners[None])
+    solid = mesh.hexahedra(rotation.ORIGIN[None], corners[None])
     return _glb(solid.points, solid.triangles, solid.normals, solid.uv, name, tone)
 
 
@@ -91,7 +91,7 @@ def ball(name: str, tone: int) -> bytes:
 @cache
 def leaf(name: str, tone: int) -> bytes:
     """Write two crossed quads of length 1 that stand on the origin along z; see `box`."""
-    quads = mesh.crossed_quads(_NOWHERE, np.ones(1), look(name).aspect)
+    quads = mesh.crossed_quads(rotation.ORIGIN[None], np.ones(1), look(name).aspect)
     return _glb(quads.points, quads.triangles, quads.normals, quads.uv, name, tone)
 
 
