@@ -22,6 +22,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint, Shape
 from procphys_ros.geometry import rotation
+from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.geometry.hexahedron import faces as faces_of
 
 SIDES = 10  # columns of faces around a branch
@@ -124,32 +125,8 @@ def boxes(poses: np.ndarray, size: np.ndarray) -> Mesh:
     :param poses: centres and attitudes, world, (N, 7).
     :param size: full extents [m], (N, 3).
     """
-    corners, normals, axes = unit_box()
-    count = len(poses)
-    local = corners * size[:, None]
-    uv = np.take_along_axis(local, np.broadcast_to(axes, (count, 24, 2)), 2)
-    shift = np.random.default_rng(0).random((count, 1, 2))  # different grain on every brick
-    return _place(poses, local, np.broadcast_to(normals, local.shape), uv / _BRICK_TILE + shift,
-                  QUADS)
-
-
-def unit_box() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """
-    Build a cube of edge 1 around the origin, whose faces are `QUADS`.
-
-    :returns: points (24, 3), normals (24, 3), and the axes along the face of each point, (24, 2).
-    """
-    corners, normals, axes = [], [], []
-    for axis in range(3):
-        across, up = (axis + 1) % 3, (axis + 2) % 3
-        for side in (-1.0, 1.0):
-            for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
-                corner = np.zeros(3)
-                corner[[axis, across, up]] = side, side * u, v
-                corners.append(0.5 * corner)
-                normals.append(side * np.eye(3)[axis])
-                axes.append((across, up))
-    return np.array(corners), np.array(normals), np.array(axes)
+    half = 0.5 * np.asarray(size)
+    return hexahedra(poses, box_corners(-half, half))
 
 
 def hexahedra(poses: np.ndarray, corners: np.ndarray) -> Mesh:
@@ -164,7 +141,7 @@ def hexahedra(poses: np.ndarray, corners: np.ndarray) -> Mesh:
     axes = np.stack([(across + 1) % 3, (across + 2) % 3], axis=-1)
     uv = np.take_along_axis(points, np.broadcast_to(axes, (*points.shape[:3], 2)), 3)
     count = len(poses)
-    shift = np.random.default_rng(0).random((count, 1, 2))
+    shift = np.random.default_rng(0).random((count, 1, 2))  # different grain on every brick
     return _place(poses, points.reshape(count, 24, 3), np.repeat(normals, 4, axis=1),
                   uv.reshape(count, 24, 2) / _BRICK_TILE + shift, QUADS)
 

@@ -42,9 +42,10 @@ def box(name: str, tone: int) -> bytes:
     :param name: of the texture.
     :param tone: one of its `tones`.
     """
-    corners, normals, axes = mesh.unit_box()
-    uv = 0.5 + np.take_along_axis(corners, axes, 1)
-    return _glb(corners, mesh.QUADS, normals, uv, name, tone)
+    cube = mesh.boxes(rotation.ORIGIN[None], np.ones((1, 3)))
+    axis = np.argmax(np.abs(cube.normals), axis=1)[:, None]
+    uv = 0.5 + np.take_along_axis(cube.points, np.hstack([axis + 1, axis + 2]) % 3, 1)
+    return _glb(cube.points, cube.triangles, cube.normals, uv, name, tone)
 
 
 def hexahedron(name: str, tone: int, corners: np.ndarray) -> bytes:
