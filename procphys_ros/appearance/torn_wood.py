@@ -99,11 +99,7 @@ class WoodJoints:
         self._width = width
 
     def apart(self, poses: np.ndarray) -> np.ndarray:
-        """
-        Find the bonds that have come apart, (K,).
-
-        :param poses: of the parts, world, (N, 7); not finite for removed parts.
-        """
+        """Find the bonds that have come apart, (K,), see `Wood`."""
         here, there = self._sides(poses, np.arange(len(self._bond)))
         gap = norm(here[:, :3] - there[:, :3], axis=1)
         gone = np.append(np.isnan(poses[:, 0]), False)
@@ -112,12 +108,7 @@ class WoodJoints:
         return self._bond[~whole]
 
     def opened(self, bonds: np.ndarray, poses: np.ndarray) -> np.ndarray:
-        """
-        Compute how far the rim of root plates has moved, over their radius, 0 to 1, (K,).
-
-        :param bonds: that have come apart, (K,); those without a root plate are open at once.
-        :param poses: of the parts, world, (N, 7); not finite for removed parts.
-        """
+        """Compute how far the rims of root plates have moved over their radius, see `Wood`."""
         rows = np.searchsorted(self._bond, bonds)
         here, there = self._sides(poses, rows)
         reach = _PLATE * self._width[rows]

@@ -83,14 +83,6 @@ class Articulation:
     def __len__(self) -> int:
         return len(self.part)
 
-    @property
-    def trees(self) -> np.ndarray:
-        """First row of the tree that each row belongs to, (S,)."""
-        root = np.arange(len(self.parent))
-        for row, parent in enumerate(self.parent):
-            if parent >= 0:
-                root[row] = root[parent]
-        return root
 
 
 def articulate(content: Content) -> Articulation:

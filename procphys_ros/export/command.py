@@ -20,8 +20,7 @@ from pathlib import Path
 import sys
 
 from procphys_ros.errors import ExportError, ProcPhysError
-from procphys_ros.files.output_files import obstacle
-from procphys_ros.files.whole_files import write_whole
+from procphys_ros.files.output_files import obstacle, write_whole
 from procphys_ros.language import TRANSLATED
 from procphys_ros.scene.named import open_scene
 from procphys_ros.scene.sources import locate, TREE_GRAMMAR

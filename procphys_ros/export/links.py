@@ -23,6 +23,7 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.export.articulation import Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content
+from procphys_ros.export.markup import text
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import write_hulls
 
@@ -68,23 +69,6 @@ class Link:
     rest: float = 0.0
 
 
-@dataclass(frozen=True)
-class Solid:
-    """
-    Shape of a part: a mesh, a box, a cylinder along z, or a ball.
-
-    :ivar box: full extents [m], (3,); None for others.
-    :ivar radius: [m].
-    :ivar length: [m]; 0 = a ball.
-    :ivar mesh: file, relative to the exported one; '' for others.
-    """
-
-    box: np.ndarray | None
-    radius: float = 0.0
-    length: float = 0.0
-    mesh: str = ''
-
-
 def meshes(content: Content, path: Path) -> dict[int, str]:
     """
     Write existing hexahedra as mesh files in a folder, one for equal ones.
@@ -108,20 +92,22 @@ def meshes(content: Content, path: Path) -> dict[int, str]:
     return out
 
 
-def solid(content: Content, part: int, mesh: str = '') -> Solid:
+def solid(content: Content, part: int, mesh: str = '') -> tuple[str, dict[str, str]]:
     """
-    Return the shape of a part; tapered segments become cylinders of their middle diameter.
+    Return the shape of a part, 'mesh', 'box', 'sphere' or 'cylinder', and its sizes [m].
+
+    Tapered segments become cylinders of their middle diameter, along z.
 
     :param mesh: its file, see `meshes`; '' = none.
     """
     size = content.blueprint.visual_size[part]
     if mesh:
-        return Solid(None, mesh=mesh)
+        return 'mesh', {'filename': mesh}
     if content.blueprint.shape[part] == Shape.BOX:
-        return Solid(size)
+        return 'box', {'size': text(*size)}
     if content.balls[part]:
-        return Solid(None, 0.5 * float(content.blueprint.size[part, 0]))
-    return Solid(None, 0.25 * float(size[0] + size[1]), float(size[2]))
+        return 'sphere', {'radius': text(0.5 * content.blueprint.size[part, 0])}
+    return 'cylinder', {'radius': text(0.25 * (size[0] + size[1])), 'length': text(size[2])}
 
 
 def tree_links(content: Content, joints: Articulation) -> Iterator[Link]:

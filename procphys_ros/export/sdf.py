@@ -156,21 +156,13 @@ def _joint(link: Link, model: ElementTree.Element) -> None:
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
            mesh: str = '') -> None:
     """Add visual and collision of a part at a pose in the frame of its link."""
-    form = solid(content, part, mesh)
+    form, sizes = solid(content, part, mesh)
     for use in ('visual', 'collision'):
         element = child(link, use, name=f'{content.part_names[part]}_{use}')
         _pose(pose, element)
-        geometry = child(element, 'geometry')
-        if form.mesh:
-            child(child(geometry, 'mesh'), 'uri', form.mesh)
-        elif form.box is not None:
-            child(child(geometry, 'box'), 'size', text(*form.box))
-        elif not form.length:
-            child(child(geometry, 'sphere'), 'radius', text(form.radius))
-        else:
-            cylinder = child(geometry, 'cylinder')
-            child(cylinder, 'radius', text(form.radius))
-            child(cylinder, 'length', text(form.length))
+        shape = child(child(element, 'geometry'), form)
+        for key, value in sizes.items():
+            child(shape, 'uri' if key == 'filename' else key, value)
         if use == 'visual':
             _material(content.textures[content.blueprint.texture[part]], element)
 

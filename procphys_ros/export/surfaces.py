@@ -149,14 +149,16 @@ def _surface(owner: str, texture: str, built: Mesh, rows: np.ndarray,
 def ground(terrain: Terrain) -> Mesh:
     """Build the mesh of a terrain, lit smoothly; its texture repeats every metre."""
     points, triangles = terrain.mesh()
-    return Mesh(points, triangles, terrain.vertex_normals(), points[:, :2].copy(),
-                np.zeros(len(points), int))
+    return _lying(points, triangles, terrain.vertex_normals())
 
 
 def paved(paving: Paving) -> Mesh:
     """Build the mesh of a paving; its texture repeats every metre."""
-    return Mesh(paving.points, paving.faces, paving.vertex_normals(), paving.points[:, :2].copy(),
-                np.zeros(len(paving.points), int))
+    return _lying(paving.points, paving.faces, paving.vertex_normals())
+
+
+def _lying(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> Mesh:
+    return Mesh(points, triangles, normals, points[:, :2].copy(), np.zeros(len(points), int))
 
 
 def local_part(content: Content, part: int) -> Mesh:

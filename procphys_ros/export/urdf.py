@@ -103,19 +103,11 @@ def _attach(name: str, seat: np.ndarray, robot: ElementTree.Element, parent: str
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
            mesh: str = '') -> None:
     """Add visual and collision of a part at a pose in the frame of its link."""
-    form, name = solid(content, part, mesh), content.part_names[part]
+    (form, sizes), name = solid(content, part, mesh), content.part_names[part]
     for use in ('visual', 'collision'):
         element = child(link, use, name=name)
         _origin(pose, element)
-        geometry = child(element, 'geometry')
-        if form.mesh:
-            child(geometry, 'mesh', filename=form.mesh)
-        elif form.box is not None:
-            child(geometry, 'box', size=text(*form.box))
-        elif not form.length:
-            child(geometry, 'sphere', radius=text(form.radius))
-        else:
-            child(geometry, 'cylinder', radius=text(form.radius), length=text(form.length))
+        child(child(element, 'geometry'), form, **sizes)
         if use == 'visual':
             blueprint = content.blueprint
             child(element, 'material', name=content.textures[blueprint.texture[part]])

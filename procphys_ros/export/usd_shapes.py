@@ -36,7 +36,7 @@ from procphys_ros.export.usd_layer import (
     relate,
     vectors,
 )
-from procphys_ros.files.whole_files import write_whole
+from procphys_ros.files.output_files import write_whole
 from procphys_ros.geometry import rotation
 
 _ROUGHNESS = 0.9

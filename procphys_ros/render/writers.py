@@ -20,7 +20,7 @@ from fractions import Fraction
 import os
 from pathlib import Path
 import re
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -38,15 +38,18 @@ _JPEG_QUALITY = 85
 _NUMBERED = re.compile(r'(?:[^%]|%%)*%0?[1-9]?d(?:[^%]|%%)*\Z')  # a longer number fills memory
 
 
-class PictureWriter(Protocol):
-    """Receives pictures one after the other."""
+class PictureWriter:
+    """
+    Receives pictures one after the other.
 
-    @property
-    def count(self) -> int:
-        """Return the number of pictures added."""
+    :ivar count: number of pictures added.
+    """
+
+    count = 0
 
     def add(self, pixels: np.ndarray) -> None:
         """Add a picture, (H, W, 3) uint8."""
+        raise NotImplementedError
 
     def finish(self) -> None:
         """Complete the file and move it to its path."""
@@ -99,11 +102,11 @@ def open_writer(path: Path, size: tuple[int, int], rate: float) -> PictureWriter
     return _Pictures(path)
 
 
-class _Pictures:
+class _Pictures(PictureWriter):
     """One file for each picture."""
 
     def __init__(self, path: Path):
-        self._path, self.count = path, 0
+        self._path = path
 
     def add(self, pixels: np.ndarray) -> None:
         path = _numbered(self._path, self.count) if is_series(self._path) else self._path
@@ -111,14 +114,8 @@ class _Pictures:
         write_beside(path, lambda part: _image(pixels).save(part, quality=_JPEG_QUALITY,
                                                             optimize=True))
 
-    def finish(self) -> None:
-        pass
 
-    def discard(self) -> None:
-        pass
-
-
-class _Gif:
+class _Gif(PictureWriter):
     """A loop with the colours of its middle picture."""
 
     def __init__(self, path: Path, rate: float):
@@ -127,13 +124,9 @@ class _Gif:
         self._path, self._duration = path, 10 * round(100.0 / rate)
         self._frames: list[np.ndarray] = []
 
-    @property
-    def count(self) -> int:
-        """Return the number of pictures added."""
-        return len(self._frames)
-
     def add(self, pixels: np.ndarray) -> None:
         self._frames.append(pixels.copy())
+        self.count += 1
 
     def finish(self) -> None:
         from PIL.Image import Dither
@@ -145,11 +138,8 @@ class _Gif:
             part, save_all=True, append_images=others, loop=0, optimize=True,
             duration=self._duration))
 
-    def discard(self) -> None:
-        self._frames = []
 
-
-class _Mp4:
+class _Mp4(PictureWriter):
     """A film in H.264, which browsers and players support."""
 
     def __init__(self, path: Path, size: tuple[int, int], rate: float):
@@ -163,7 +153,6 @@ class _Mp4:
             'libx264', rate=Fraction(rate).limit_denominator(1001), options=_QUALITY)
         self._stream.width, self._stream.height = size
         self._stream.pix_fmt = 'yuv420p'
-        self.count = 0
 
     def add(self, pixels: np.ndarray) -> None:
         frame = self._frame(np.ascontiguousarray(pixels), format='rgb24')
