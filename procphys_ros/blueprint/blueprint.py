@@ -21,10 +21,10 @@ as flat numpy arrays. Row i of every part array is part i, for life.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
 
 import numpy as np
 
+from procphys_ros.blueprint.column_table import ColumnTable
 from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import SHEDDING_SPEED, VOGEL_EXPONENT
@@ -58,25 +58,24 @@ class JointType(ArrayEnum):
     ROPE = 5    # distances beyond its length
 
 
-@dataclass(frozen=True)
-class _Table:
-    """Columns of equal length that can be selected and chained."""
-
-    def __len__(self) -> int:
-        return len(next(iter(vars(self).values())))
-
-    def take(self, rows: np.ndarray) -> Self:
-        """Select rows, (K,) indices or a mask."""
-        return type(self)(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-
-def _column(dtype: type = float, width: int = 0):
+def _column(dtype: type = float, width: int = 0, default: float | None = None):
+    """Declare a column; one with a default is filled with it where it is not given."""
     shape = (0, width) if width else (0,)
-    return field(default_factory=lambda: np.zeros(shape, dtype))
+    return field(default_factory=lambda: np.zeros(shape, dtype), metadata={'default': default})
+
+
+class _FilledTable(ColumnTable):
+    """Table that fills columns with their defaults."""
+
+    def __post_init__(self) -> None:
+        for column in fields(self):
+            default = column.metadata['default']
+            if default is not None and len(getattr(self, column.name)) < len(self):
+                object.__setattr__(self, column.name, np.full(len(self), default))
 
 
 @dataclass(frozen=True)
-class Hinges(_Table):
+class Hinges(_FilledTable):
     """
     Elastic joints, one row per bond whose law is `Law.HINGE`, in the order of the bonds.
 
@@ -114,20 +113,15 @@ class Hinges(_Table):
     break_force: np.ndarray = _column()
     break_torque: np.ndarray = _column()
     strength: np.ndarray = _column()
-    yield_stress: np.ndarray = _column()
-    hardening: np.ndarray = _column()
+    yield_stress: np.ndarray = _column(default=np.inf)
+    hardening: np.ndarray = _column(default=0.0)
     root_moment: np.ndarray = _column()
     preload: np.ndarray = _column()
-    cling: np.ndarray = _column()
-
-    def __post_init__(self) -> None:
-        for name, value in (('cling', 0.0), ('yield_stress', np.inf), ('hardening', 0.0)):
-            if len(getattr(self, name)) < len(self.swing_limit):
-                object.__setattr__(self, name, np.full(len(self.swing_limit), value))
+    cling: np.ndarray = _column(default=0.0)
 
 
 @dataclass(frozen=True)
-class Mortar(_Table):
+class Mortar(_FilledTable):
     """
     Brittle contacts, one row per bond whose law is `Law.MORTAR`, in the order of the bonds.
 
@@ -150,15 +144,11 @@ class Mortar(_Table):
     compression: np.ndarray = _column()
     normal_stiffness: np.ndarray = _column()
     shear_stiffness: np.ndarray = _column()
-    reinforcement: np.ndarray = _column()
-
-    def __post_init__(self) -> None:
-        if len(self.reinforcement) < len(self.tension):
-            object.__setattr__(self, 'reinforcement', np.zeros(len(self.tension)))
+    reinforcement: np.ndarray = _column(default=0.0)
 
 
 @dataclass(frozen=True)
-class Leaves(_Table):
+class Leaves(_FilledTable):
     """
     Leaves fixed to parts: each is drawn as two crossed quads and takes wind by its area.
 
@@ -174,17 +164,12 @@ class Leaves(_Table):
     pose: np.ndarray = _column(float, 7)
     size: np.ndarray = _column()
     texture: np.ndarray = _column(np.int16)
-    vogel: np.ndarray = _column()
-    shedding_speed: np.ndarray = _column()
-
-    def __post_init__(self) -> None:
-        for name, value in (('vogel', VOGEL_EXPONENT), ('shedding_speed', SHEDDING_SPEED)):
-            if not len(getattr(self, name)):
-                object.__setattr__(self, name, np.full(len(self.part), value))
+    vogel: np.ndarray = _column(default=VOGEL_EXPONENT)
+    shedding_speed: np.ndarray = _column(default=SHEDDING_SPEED)
 
 
 @dataclass(frozen=True)
-class Ornaments(_Table):
+class Ornaments(ColumnTable):
     """
     Triangles drawn with a part; the physics of polygons is in `leaf_area` and `mass`.
 
@@ -199,7 +184,7 @@ class Ornaments(_Table):
 
 
 @dataclass(frozen=True)
-class Hexahedra(_Table):
+class Hexahedra(ColumnTable):
     """
     Corners of boxes that are not rectangular: convex hexahedra, such as voussoirs.
 
@@ -236,7 +221,7 @@ class Hexahedra(_Table):
 
 
 @dataclass(frozen=True)
-class Joints(_Table):
+class Joints(ColumnTable):
     """
     Joints between the loose parts of mechanisms, a row each; they are no bonds.
 
@@ -282,7 +267,7 @@ class Joints(_Table):
 
 
 @dataclass(frozen=True)
-class Plates(_Table):
+class Plates(ColumnTable):
     """
     Flat parts that take the wind by its component along their normal.
 
@@ -359,14 +344,12 @@ class Blueprint:
     joint_names: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in _PART_COLUMNS:
-            if len(getattr(self, name)) != len(self.shape):
-                raise ValueError(f'{name} has {len(getattr(self, name))} rows for '
-                                 f'{len(self.shape)} parts')
-        for name in _BOND_COLUMNS:
-            if len(getattr(self, name)) != len(self.bonds):
-                raise ValueError(f'{name} has {len(getattr(self, name))} rows for '
-                                 f'{len(self.bonds)} bonds')
+        for names, rows, what in ((_PART_COLUMNS, self.shape, 'parts'),
+                                  (_BOND_COLUMNS, self.bonds, 'bonds')):
+            for name in names:
+                if len(getattr(self, name)) != len(rows):
+                    raise ValueError(f'{name} has {len(getattr(self, name))} rows for '
+                                     f'{len(rows)} {what}')
         for law, table in ((Law.HINGE, self.hinges), (Law.MORTAR, self.mortar)):
             if np.count_nonzero(self.bond_law == law) != len(table):
                 raise ValueError(f'{len(table)} {law.name.lower()} rows for '
@@ -453,9 +436,7 @@ def chain(blueprints: Sequence[Blueprint]) -> Blueprint:
     for name, table in (('hinges', Hinges), ('mortar', Mortar), ('leaves', Leaves),
                         ('ornaments', Ornaments), ('hexahedra', Hexahedra), ('joints', Joints),
                         ('plates', Plates)):
-        columns[name] = table(**{
-            f.name: np.concatenate([getattr(getattr(b, name), f.name) for b in blueprints])
-            for f in fields(table)})
+        columns[name] = table.stack([getattr(b, name) for b in blueprints])
     columns['joints'] = replace(columns['joints'], parts=_renumbered(
         [b.joints.parts for b in blueprints], starts))
     for name in ('leaves', 'ornaments', 'hexahedra', 'plates'):
@@ -473,25 +454,20 @@ def _renumbered(pairs: Sequence[np.ndarray], starts: np.ndarray) -> np.ndarray:
 
 def _merge_names(blueprints: Sequence[Blueprint], columns: dict) -> dict:
     """Map the index columns of several blueprints to common name tuples."""
-    for names, column in (('kinds', 'kind'), ('materials', 'material'),
-                          ('textures', 'texture')):
+    for names, table, column in (
+            ('kinds', '', 'kind'), ('materials', '', 'material'), ('textures', '', 'texture'),
+            ('textures', 'leaves', 'texture'), ('textures', 'ornaments', 'texture'),
+            ('joint_names', 'joints', 'name')):
         common = tuple(dict.fromkeys(n for b in blueprints for n in getattr(b, names)))
         lookup = {name: i for i, name in enumerate(common)}
-        maps = [np.array([lookup[n] for n in getattr(b, names)] or [0], np.int16)
-                for b in blueprints]
+        owners = [getattr(b, table) if table else b for b in blueprints]
+        number = np.int32 if names == 'joint_names' else np.int16
+        merged = np.concatenate([
+            np.array([lookup[n] for n in getattr(b, names)] or [0], number)[getattr(own, column)]
+            for b, own in zip(blueprints, owners)])
         columns[names] = common
-        columns[column] = np.concatenate([
-            m[getattr(b, column)] for m, b in zip(maps, blueprints)])
-        if names == 'textures':
-            for table in ('leaves', 'ornaments'):
-                texture = np.concatenate([m[getattr(b, table).texture]
-                                          for m, b in zip(maps, blueprints)])
-                columns[table] = replace(columns[table], texture=texture)
-    return columns | _merge_joint_names(blueprints, columns['joints'])
-
-
-def _merge_joint_names(blueprints: Sequence[Blueprint], joints: Joints) -> dict:
-    common = tuple(dict.fromkeys(n for b in blueprints for n in b.joint_names))
-    lookup = {name: i for i, name in enumerate(common)}
-    number = [lookup[b.joint_names[i]] for b in blueprints for i in b.joints.name.tolist()]
-    return {'joint_names': common, 'joints': replace(joints, name=np.array(number, np.int32))}
+        if table:
+            columns[table] = replace(columns[table], **{column: merged})
+        else:
+            columns[column] = merged
+    return columns

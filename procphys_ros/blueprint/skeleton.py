@@ -14,8 +14,8 @@
 
 """Skeleton: turn an explicit branch structure into bones and joints (paper, section 3.1)."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from heapq import heappop, heappush
 
 import numpy as np
@@ -51,6 +51,10 @@ _BARE = Leaves()
 _PLAIN = Ornaments()
 
 
+def _for_all(value: float):
+    return field(default=value)  # made a column by `Branches`
+
+
 @dataclass(frozen=True)
 class Branches:
     """
@@ -80,8 +84,8 @@ class Branches:
     :ivar preload: share of the weight that the shape allows for, 0 to 1, (S,).
     :ivar texture: index into the texture names, (S,) int16.
     :ivar cling: strength of the hold on the plant's support, per length [N/m], (S,); 0 = none.
-    :ivar yield_stress: bending stress beyond which a part of the bend stays [Pa], (S,) or one for
-        all; inf = never.
+    :ivar yield_stress: bending stress beyond which a part of the bend stays [Pa], (S,); inf =
+        never.
     """
 
     parent: np.ndarray
@@ -96,25 +100,26 @@ class Branches:
     strength: np.ndarray
     bone_ratio: np.ndarray
     swing_limit: np.ndarray
-    swing_stiffness: np.ndarray
-    swing_damping: np.ndarray
     damping_ratio: np.ndarray
-    twist_stiffness: np.ndarray
-    twist_damping: np.ndarray
-    stretch_stiffness: np.ndarray
-    stretch_damping: np.ndarray
-    break_force: np.ndarray
-    break_torque: np.ndarray
-    root_stiffness: np.ndarray
-    root_moment: np.ndarray
-    preload: np.ndarray
-    texture: np.ndarray
-    cling: np.ndarray
-    yield_stress: np.ndarray | float = np.inf
+    swing_stiffness: np.ndarray = _for_all(np.nan)
+    swing_damping: np.ndarray = _for_all(np.nan)
+    twist_stiffness: np.ndarray = _for_all(np.nan)
+    twist_damping: np.ndarray = _for_all(np.nan)
+    stretch_stiffness: np.ndarray = _for_all(np.nan)
+    stretch_damping: np.ndarray = _for_all(np.nan)
+    break_force: np.ndarray = _for_all(np.inf)
+    break_torque: np.ndarray = _for_all(np.inf)
+    root_stiffness: np.ndarray = _for_all(np.nan)
+    root_moment: np.ndarray = _for_all(np.inf)
+    preload: np.ndarray = _for_all(1.0)
+    texture: np.ndarray = _for_all(0)
+    cling: np.ndarray = _for_all(0.0)
+    yield_stress: np.ndarray = _for_all(np.inf)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, 'yield_stress',
-                           np.broadcast_to(self.yield_stress, self.parent.shape))
+        for name, value in vars(self).items():
+            if np.ndim(value) == 0:
+                object.__setattr__(self, name, np.full(len(self.parent), value))
 
     def __len__(self) -> int:
         return len(self.parent)
@@ -313,14 +318,10 @@ def _grown(nodes: np.ndarray, parents: np.ndarray, radii: np.ndarray, segment: n
     lateral = np.ones(len(tip), bool)
     lateral[thickest_first[np.unique(start[thickest_first], return_index=True)[1]]] = False
     along = nodes[tip] - nodes[start]
-    unknown, none = np.full(len(tip), np.nan), np.zeros(len(tip))
     return Branches(
         parent=segment[start], lateral=lateral, base=nodes[start],
         attitude=shortest_turn(along), length=norm(along, axis=1),
-        width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip],
-        swing_stiffness=unknown, swing_damping=unknown, twist_stiffness=unknown,
-        twist_damping=unknown, stretch_stiffness=unknown, stretch_damping=unknown,
-        preload=np.ones(len(tip)), texture=none.astype(np.int16), cling=none, **wood)
+        width=2.0 * radii[np.where(lateral, tip, start)], tip_width=2.0 * radii[tip], **wood)
 
 
 def _hinges(branches: Branches) -> Hinges:
@@ -336,7 +337,7 @@ def _hinges(branches: Branches) -> Hinges:
         stretch_stiffness=default(branches.stretch_stiffness, np.inf),
         stretch_damping=branches.stretch_damping, break_force=branches.break_force,
         break_torque=branches.break_torque, strength=branches.strength,
-        yield_stress=np.array(branches.yield_stress),
+        yield_stress=branches.yield_stress,
         hardening=_TANGENT / (1.0 - _TANGENT) / _wood_flexibility(branches),
         root_moment=np.where(branches.parent < 0, branches.root_moment, np.inf),
         preload=branches.preload, cling=branches.cling * branches.length)
@@ -350,36 +351,32 @@ def shortest_turn(direction: np.ndarray) -> np.ndarray:
     return q / norm(q, axis=1, keepdims=True)
 
 
+_ALLOWED: tuple[tuple[tuple[str, ...], Callable[[np.ndarray], np.ndarray], str], ...] = (
+    (('length', 'width', 'density', 'modulus'), lambda v: np.isfinite(v) & (v > 0.0),
+     'finite and above zero'),
+    (('tip_width',), lambda v: v >= 0.0, 'zero or more'),
+    (('bone_ratio',), lambda v: (v > 0.0) & (v <= 1.0), 'above 0 and at most 1'),
+    (('strength', 'yield_stress', 'swing_limit', 'break_force', 'break_torque', 'root_moment'),
+     lambda v: v > 0.0, 'above zero'),
+    # NaN = derived from other values
+    (('swing_stiffness',), lambda v: ~(v <= 0.0) & ~np.isinf(v), 'finite and above zero'),
+    (('preload',), lambda v: (v >= 0.0) & (v <= 1.0), 'from 0 to 1'),
+    (('twist_stiffness', 'stretch_stiffness', 'root_stiffness'), lambda v: ~(v <= 0.0),
+     'above zero'),
+    (('swing_damping', 'twist_damping', 'stretch_damping', 'damping_ratio'),
+     lambda v: ~(v < 0.0) & ~np.isinf(v), 'finite and not below zero'),
+    (('cling',), lambda v: np.isfinite(v) & (v >= 0.0), 'finite and not below zero'))
+
+
 def _check(branches: Branches, leaves: Leaves, ornaments: Ornaments) -> None:
     """Check that values are physical, naming the first segment, leaf or ornament at fault."""
     index = np.arange(len(branches))
     _demand((branches.parent >= GROUND) & (branches.parent < index), 'segment', 'parent',
             branches.parent, 'an earlier segment, or -1 for the ground')
-    for name in ('length', 'width', 'density', 'modulus'):
-        value = getattr(branches, name)
-        _demand(np.isfinite(value) & (value > 0.0), 'segment', name, value,
-                'finite and above zero')
-    _demand(branches.tip_width >= 0.0, 'segment', 'tip width', branches.tip_width,
-            'zero or more')
-    _demand((branches.bone_ratio > 0.0) & (branches.bone_ratio <= 1.0), 'segment', 'bone ratio',
-            branches.bone_ratio, 'above 0 and at most 1')
-    for name in ('strength', 'yield_stress', 'swing_limit', 'break_force', 'break_torque',
-                 'root_moment'):
-        _demand(getattr(branches, name) > 0.0, 'segment', name.replace('_', ' '),
-                getattr(branches, name), 'above zero')
-    _demand(~(branches.swing_stiffness <= 0.0) & ~np.isinf(branches.swing_stiffness), 'segment',
-            'swing stiffness', branches.swing_stiffness, 'finite and above zero')
-    _demand((branches.preload >= 0.0) & (branches.preload <= 1.0), 'segment', 'preload',
-            branches.preload, 'from 0 to 1')
-    for name in ('twist_stiffness', 'stretch_stiffness', 'root_stiffness'):
-        _demand(~(getattr(branches, name) <= 0.0), 'segment', name.replace('_', ' '),
-                getattr(branches, name), 'above zero')
-    for name in ('swing_damping', 'twist_damping', 'stretch_damping', 'damping_ratio'):
-        value = getattr(branches, name)
-        _demand(~(value < 0.0) & ~np.isinf(value), 'segment', name.replace('_', ' '), value,
-                'finite and not below zero')
-    _demand(np.isfinite(branches.cling) & (branches.cling >= 0.0), 'segment', 'cling',
-            branches.cling, 'finite and not below zero')
+    for names, is_good, allowed in _ALLOWED:
+        for name in names:
+            value = getattr(branches, name)
+            _demand(is_good(value), 'segment', name.replace('_', ' '), value, allowed)
     known = np.isnan(branches.swing_damping) & np.isnan(branches.damping_ratio)
     _demand(~known, 'segment', 'damping ratio', branches.damping_ratio,
             'given where swing damping is not')

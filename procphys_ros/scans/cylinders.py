@@ -71,6 +71,22 @@ class Cylinders:
         return Cylinders(parent=place[self.parent[rows]], tapered=self.tapered, **columns)
 
 
+def between(points: np.ndarray, parents: np.ndarray, radii: np.ndarray) -> Cylinders:
+    """
+    Make the cylinders that end at points; points without a parent are the feet of trees.
+
+    :param points: (K, 3).
+    :param parents: index of each point's parent, -1 = none, (K,) int.
+    :param radii: at the points, (K,); NaN = unknown.
+    """
+    tip = np.flatnonzero(parents >= 0)
+    cylinder = np.full(len(points), -1)
+    cylinder[tip] = np.arange(len(tip))
+    above = parents[tip]
+    return Cylinders(cylinder[above], points[above], points[tip], radii[tip], radii[above],
+                     tapered=True)
+
+
 def depths(parent: np.ndarray) -> np.ndarray:
     """
     Count the ancestors of each cylinder, (N,); -1 = it is, or grows from, one of its own.

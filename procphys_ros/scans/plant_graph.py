@@ -21,8 +21,7 @@ import numpy as np
 
 from procphys_ros.errors import GrammarError, nearest_names
 from procphys_ros.language import Place, shorten
-from procphys_ros.scans.cylinders import Cylinders, lowest_of
-from procphys_ros.scans.points import between
+from procphys_ros.scans.cylinders import between, Cylinders, lowest_of
 from procphys_ros.scans.scan_file import check_count, fault_of, lines_of, plain
 
 _SECTIONS = ('CODE', 'CLASSES', 'DESCRIPTION', 'FEATURES', 'MTG')

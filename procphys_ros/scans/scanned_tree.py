@@ -175,7 +175,6 @@ def _branches(cylinders: Cylinders, values: Mapping[str, float]) -> Branches:
     def each(value: float) -> np.ndarray:
         return np.full(count, value)
 
-    unknown, never = each(np.nan), each(np.inf)
     return Branches(
         parent=parent.astype(np.int32), lateral=~follows, base=cylinders.start,
         attitude=shortest_turn(along), length=cylinders.length,
@@ -183,12 +182,9 @@ def _branches(cylinders: Cylinders, values: Mapping[str, float]) -> Branches:
         density=each(values['density']), modulus=each(values['modulus']),
         strength=each(values['strength']),
         yield_stress=each(values['yield'] or np.inf), bone_ratio=each(_BONE_RATIO),
-        swing_limit=each(_SWING_LIMIT), swing_stiffness=unknown, swing_damping=unknown,
-        damping_ratio=each(values['damping']), twist_stiffness=unknown, twist_damping=unknown,
-        stretch_stiffness=unknown, stretch_damping=unknown, break_force=never,
-        break_torque=never, root_stiffness=each(values['root_stiffness'] or np.nan),
-        root_moment=each(values['root_moment'] or np.inf), preload=each(values['preload']),
-        texture=np.zeros(count, np.int16), cling=each(0.0))
+        swing_limit=each(_SWING_LIMIT), damping_ratio=each(values['damping']),
+        root_stiffness=each(values['root_stiffness'] or np.nan),
+        root_moment=each(values['root_moment'] or np.inf), preload=each(values['preload']))
 
 
 def _followers(cylinders: Cylinders) -> np.ndarray:

@@ -22,8 +22,7 @@ import scipy.sparse.csgraph
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.language import Place, shorten
-from procphys_ros.scans.cylinders import Cylinders
-from procphys_ros.scans.points import between
+from procphys_ros.scans.cylinders import between, Cylinders
 from procphys_ros.scans.scan_file import check_count, fault_of, lines_of, plain
 
 _LONGEST_HEADER = 65_536  # [bytes]

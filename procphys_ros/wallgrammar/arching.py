@@ -23,7 +23,7 @@ from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.wallgrammar import arches, cutting
 from procphys_ros.wallgrammar.arches import Curve, Line
 from procphys_ros.wallgrammar.bonds import Layout
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO, micros
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.courses import Courses
 from procphys_ros.wallgrammar.derivation import Piece
@@ -130,7 +130,7 @@ def cut_bricks(site: Site, facade: Facade, boxes: Boxes, found: Sequence[Arch],
         return boxes.take(whole)
     some = boxes.take(np.array(rows))
     member = site.next_member + np.unique(rows, return_inverse=True)[1].reshape(-1)
-    return stack([boxes.take(whole), replace(
+    return Boxes.stack([boxes.take(whole), replace(
         _shaped(site, facade, some, np.array(pieces)), member=member)])
 
 

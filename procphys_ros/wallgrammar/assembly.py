@@ -15,7 +15,7 @@
 """Assembly: boxes and their contacts become the parts and bonds of a blueprint."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from procphys_ros.blueprint import (
     Mortar,
     Shape,
 )
+from procphys_ros.blueprint.column_table import ColumnTable
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import box_corners, solids
 from procphys_ros.wallgrammar.boxes import Boxes, Joint, MICRO
@@ -48,7 +49,7 @@ _BOND_TURNS = np.array([[0.5, 0.5, 0.5, 0.5], [-0.5, -0.5, -0.5, 0.5], [0.0, 0.0
 
 
 @dataclass(frozen=True)
-class Patches:
+class Patches(ColumnTable):
     """
     Bonds between parts, in the building's frame.
 
@@ -85,7 +86,7 @@ def fastened(patches: Patches, boxes: Boxes) -> Patches:
     """Drop patches between mortared and nailed parts; shrink those held by a single nail."""
     joint = np.sort(boxes.joint[patches.pair], axis=1)
     rows = (joint != [Joint.MORTAR, Joint.NAIL]).any(axis=1)
-    kept = Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+    kept = patches.take(rows)
     return _nailed(kept, _by_one_nail(kept.pair, boxes))
 
 
@@ -93,7 +94,7 @@ def without(patches: Patches, others: Sequence[Patches]) -> Patches:
     """Drop patches between parts that other patches bond."""
     bonded = {tuple(sorted(pair)) for other in others for pair in other.pair.tolist()}
     rows = np.array([tuple(sorted(pair)) not in bonded for pair in patches.pair.tolist()], bool)
-    return Patches(**{f.name: getattr(patches, f.name)[rows] for f in fields(Patches)})
+    return patches.take(rows)
 
 
 def _nailed(patches: Patches, rows: np.ndarray) -> Patches:
@@ -176,8 +177,7 @@ def assemble(boxes: Boxes, patches: Sequence[Patches], frames: np.ndarray,
     made = solids(corners)
     size[cut], poses[cut], mass[cut] = made.size, made.poses, density[cut] * made.volume
     inertia[cut] = density[cut, None] * made.inertia
-    bonds = Patches(**{f.name: np.concatenate([getattr(p, f.name) for p in patches])
-                       for f in fields(Patches)})
+    bonds = Patches.stack(patches)
     return Blueprint(
         shape=np.full(len(boxes), Shape.BOX, np.uint8), size=size, visual_size=size.copy(),
         density=density, mass=mass, inertia=inertia, poses=poses,

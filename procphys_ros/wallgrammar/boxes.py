@@ -14,12 +14,12 @@
 
 """Boxes: parts on their way into a blueprint, in whole micrometres so that faces meet."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from procphys_ros.blueprint.column_table import ColumnTable
 from procphys_ros.elementary.array_enum import ArrayEnum
 
 MICRO = 1_000_000  # micrometres per metre
@@ -47,7 +47,7 @@ def micros(metres: ArrayLike) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Boxes:
+class Boxes(ColumnTable):
     """
     Boxes, each in a frame; `cells` of neighbours meet exactly, half a joint outside the boxes.
 
@@ -74,17 +74,10 @@ class Boxes:
     member: np.ndarray
     form: np.ndarray
 
-    def __len__(self) -> int:
-        return len(self.low)
-
     @property
     def cells(self) -> tuple[np.ndarray, np.ndarray]:
         """Corners of the cells [µm], two of (n, 3)."""
         return self.low - self.before, self.high + self.after
-
-    def take(self, rows: np.ndarray) -> 'Boxes':
-        """Select rows, (K,) indices or a mask."""
-        return Boxes(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: ArrayLike = 0, *,
@@ -109,12 +102,6 @@ def from_cells(low: ArrayLike, high: ArrayLike, before: ArrayLike = 0, after: Ar
     return Boxes(low + before, high - after, before.copy(), after.copy(), column(frame),
                  column(axis), column(kind), column(material), column(joint), column(member),
                  column(form))
-
-
-def stack(pieces: Sequence[Boxes]) -> Boxes:
-    """Concatenate boxes; member numbers are kept and must be unique already."""
-    return Boxes(**{f.name: np.concatenate([getattr(p, f.name) for p in pieces])
-                    for f in fields(Boxes)})
 
 
 def split_along(boxes: Boxes, longest: int, first_member: int, multiple: int = 1) -> Boxes:

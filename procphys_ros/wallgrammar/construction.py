@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, micros, SPAN, split_along, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, micros, SPAN, split_along
 from procphys_ros.wallgrammar.materials import Material
 
 
@@ -149,4 +149,4 @@ class Site:
 
     def boxes(self) -> Boxes:
         """Return all boxes so far, in part order."""
-        return stack(self._boxes)
+        return Boxes.stack(self._boxes)

@@ -29,7 +29,6 @@ from procphys_ros.wallgrammar.boxes import (
     Joint,
     MICRO,
     SPAN,
-    stack,
 )
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.contacts import spread
@@ -86,7 +85,7 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     for wall, *hole in holes:
         wall.cut(*hole)
     if joists:
-        boxes = stack(joists)
+        boxes = Boxes.stack(joists)
         boxes.kind[:], boxes.material[:] = site.kind('joist'), site.material('timber')
         site.add_spans(boxes, _JOIST_PIECE)
         _boards(site, rooms, 1 - axis, level)

@@ -22,7 +22,7 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, Joints, JointType, Plates, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.wallgrammar import openings
-from procphys_ros.wallgrammar.boxes import from_cells, MICRO, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, MICRO
 from procphys_ros.wallgrammar.construction import HungLeaf
 from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.materials import Material, texture_numbers
@@ -97,7 +97,7 @@ def hang(built: Blueprint, leaves: Sequence[HungLeaf], frames: np.ndarray,
     """
     if not leaves:
         return built
-    boxes, names = stack([leaf.box for leaf in leaves]), tuple(materials)
+    boxes, names = Boxes.stack([leaf.box for leaf in leaves]), tuple(materials)
     table = list(materials.values())
     size = (boxes.high - boxes.low) / MICRO
     density = np.array([m.density for m in table])[boxes.material]
@@ -127,7 +127,7 @@ def _joints(leaves: Sequence[HungLeaf], first: int,
 
     Two joints in one line would share the weight in any way, as rigid bodies do not tell.
     """
-    pins = stack([leaf.pin for leaf in leaves])
+    pins = Boxes.stack([leaf.pin for leaf in leaves])
     foot, head = (rotation.compose(frames[pins.frame], np.column_stack([
         end / MICRO, np.tile(rotation.IDENTITY, (len(pins), 1))]))[:, :3]
         for end in (pins.low, pins.high))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, SPAN, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, SPAN
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.derivation import Piece
 from procphys_ros.wallgrammar.footprint import Facade
@@ -178,7 +178,7 @@ def _bar(left: int, bottom: int, right: int, top: int, near: int, far: int, join
 
 
 def _add(wall: Wall, pieces: list[Boxes], kind: str, material: str, longest: int = 0) -> None:
-    boxes = stack(pieces)
+    boxes = Boxes.stack(pieces)
     boxes.kind[:] = wall.site.kind(kind)
     boxes.material[:] = wall.site.material(material)
     wall.add(boxes, longest)

@@ -29,7 +29,6 @@ from procphys_ros.wallgrammar.boxes import (
     Joint,
     MICRO,
     split_along,
-    stack,
 )
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.roof_plan import RoofPlan
@@ -116,7 +115,7 @@ class RoofFeet:
             outer = [end if g else corner for end, corner, g in zip(inner, (0, length), gabled)]
             found.append(self._timber(edge, 0, np.array([outer, inner]).T, (0, self.plate),
                                       self.height, 'plate', [_PLATE_JOINT * g for g in gabled]))
-        boxes = stack(found)
+        boxes = Boxes.stack(found)
         self._ring = boxes.member[:] = self.site.next_member
         rows = self.site.add(boxes)
         return np.arange(rows.start, rows.stop)

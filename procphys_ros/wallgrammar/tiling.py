@@ -14,13 +14,14 @@
 
 """Tiling: runs of wall, course by course, are cut into units by the perpends of their bond."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
+from procphys_ros.blueprint.column_table import ColumnTable
 from procphys_ros.wallgrammar.bonds import Course, Layout
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, split_along, stack
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, split_along
 from procphys_ros.wallgrammar.contacts import spread
 
 _SLIVER = 0.2     # of a unit's pitch: a shorter end piece is merged with the unit beside it
@@ -30,7 +31,7 @@ LEAST = 15_000   # [µm] a run that leaves less than this between its joints sta
 
 
 @dataclass(frozen=True)
-class Runs:
+class Runs(ColumnTable):
     """
     Unbroken stretches of one panel type in one course, in the frame of the facade.
 
@@ -53,19 +54,6 @@ class Runs:
     left_filled: np.ndarray
     right_filled: np.ndarray
     depth: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.course)
-
-    def take(self, rows: np.ndarray) -> 'Runs':
-        """Select rows, (K,) indices or a mask."""
-        return Runs(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-
-def join(*runs: Runs) -> Runs:
-    """Concatenate runs."""
-    return Runs(**{f.name: np.concatenate([getattr(r, f.name) for r in runs])
-                   for f in fields(Runs)})
 
 
 class Leaf(NamedTuple):
@@ -190,7 +178,7 @@ def _units(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
     if only is not None or not layout.crossed:
         return units(whole, only or Leaf(0, layout.thickness), 0)
     half = layout.joint // 2
-    return stack([
+    return Boxes.stack([
         units(~header, Leaf(0, layout.leaf, 0, half), 0),
         units(~header, Leaf(layout.leaf, layout.thickness, layout.joint - half, 0), 0),
         units(header, Leaf(0, layout.thickness), 1)])
@@ -221,7 +209,7 @@ def _rubble(columns: list[np.ndarray], layout: Layout, kind: int, joint: int,
     thin = (sort < _FLAT) & (top - bottom > 4 * layout.joint + 4 * LEAST)
     through = ~thin & (sort < _FLAT + _THROUGH)
     leaves = ~thin & ~through
-    return stack([
+    return Boxes.stack([
         stones(through, (near, far), (bottom, top), (rough[0], rough[1])),
         stones(thin, (near, far), (bottom, level), (rough[0], rough[1])),
         stones(thin, (near, far), (level, top), (rough[1], rough[0])),

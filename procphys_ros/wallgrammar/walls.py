@@ -28,7 +28,7 @@ from procphys_ros.wallgrammar.footprint import Facade
 from procphys_ros.wallgrammar.openings import beam, door, glazing, Wall
 from procphys_ros.wallgrammar.regions import courses, EMPTY, paint, Regions, snap_level
 from procphys_ros.wallgrammar.spec import Panel
-from procphys_ros.wallgrammar.tiling import join, lay, Leaf, Runs
+from procphys_ros.wallgrammar.tiling import lay, Leaf, Runs
 
 _BEARING = 150_000        # [µm] of a lintel at each side; UK practice (NHBC 6.1.8)
 _LEAST_BEARING = 100_000  # [µm] BS 5977-1
@@ -218,7 +218,8 @@ class Elevation:
             runs = courses(covered, owner, depth, layout, self.facade)
             if laps.any():  # every other course of the walls runs on through their piers
                 through = courses(lapped, owner, depth, layout, self.facade)
-                runs = join(runs.take(runs.course % 2 == 1), through.take(through.course % 2 == 0))
+                runs = Runs.stack([runs.take(runs.course % 2 == 1),
+                                   through.take(through.course % 2 == 0)])
             self._lay(site, runs, layout, None)
             if owner in self._thick:
                 runs = courses(faced, owner, depth, layout, self.facade)
