@@ -19,6 +19,7 @@ from collections.abc import Callable
 import fcntl
 import os
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import IO
 
 
@@ -80,3 +81,19 @@ def write_beside(path: Path, write: Callable[[Path], object]) -> None:
 def part_of(path: Path) -> Path:
     """Return the temporary path beside a file that it is written to."""
     return path.with_name(f'.{path.stem}.part{path.suffix}')
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """
+    Write a file such that a reader sees either all of it or the former content.
+
+    :raises OSError: when it cannot be written; the file is unchanged then.
+    """
+    with NamedTemporaryFile(dir=path.parent, prefix='.', delete=False) as file:
+        try:
+            file.write(data)
+            file.close()
+            os.replace(file.name, path)
+        except OSError:
+            os.unlink(file.name)
+            raise

@@ -154,35 +154,25 @@ class _Compiler:
             wanted = f'{least}' if least == most else f'{least} to {most}'
             raise place.error(f'{name} takes {wanted} argument{"s" if most > 1 else ""}, '
                               f'found {len(arguments)}')
-        run = (_draw if name in RANDOM_FUNCTIONS else _apply)(function, arguments, place)
-        return Expression(_names(arguments), place, run)
+        return Expression(_names(arguments), place, _apply(function, arguments, place,
+                                                           name in RANDOM_FUNCTIONS))
 
 
 def _names(operands: list[Expression]) -> frozenset[str]:
     return frozenset(name for operand in operands for name in operand.names)
 
 
-def _apply(function: Callable[..., Value], operands: list[Expression],
-           place: Place) -> Callable[[Scope], Value]:
+def _apply(function: Callable[..., Value], operands: list[Expression], place: Place,
+           draws: bool = False) -> Callable[[Scope], Value]:
+    """Apply a function to operands; those that draw take the generator and a count first."""
     runs = [operand._run for operand in operands]
 
     def run(scope: Scope) -> Value:
         values = [part(scope) for part in runs]
         try:
+            if draws:
+                return function(scope.generator, scope.count, *values)
             return function(*values)
-        except ArithmeticRefusal as refusal:
-            raise place.error(str(refusal)) from None
-    return run
-
-
-def _draw(function: Callable[..., Value], operands: list[Expression],
-          place: Place) -> Callable[[Scope], Value]:
-    runs = [operand._run for operand in operands]
-
-    def run(scope: Scope) -> Value:
-        values = [part(scope) for part in runs]
-        try:
-            return function(scope.generator, scope.count, *values)
         except ArithmeticRefusal as refusal:
             raise place.error(str(refusal)) from None
     return run

@@ -22,7 +22,7 @@ from typing import Any
 import lark
 
 from procphys_ros.compilation.folder import kernel_folder, prepare
-from procphys_ros.files.whole_files import write_whole
+from procphys_ros.files.output_files import write_whole
 
 
 def make_parser(name: str, grammar: str, **options: Any) -> lark.Lark:

@@ -181,13 +181,10 @@ def compile_grammar(text: str, source: str, max_modules: int,
     rules = {section: [compiler.of(at.source).rule(tree, at.line)
                        for tree, at in reader.trees(section)] for section in RULE_SECTIONS}
     compiler.of(source)
-    _check_contexts(rules)
-    _check_queries(rules['interpretation'], compiler.vocabulary)
     skipped = _skipped_names(reader, compiler)
-    _check_meanings(compiler, start, rules)
     ignored = np.array([skipped(name) for name in compiler.vocabulary.names])
-    for rule in rules['production']:
-        _check_ignored(rule, ignored, compiler.vocabulary)
+    _check_rules(rules, ignored, compiler.vocabulary)
+    _check_meanings(compiler, start, rules)
     sets = [RuleSet(rules[section], ignored, max_modules) for section in RULE_SECTIONS]
     return CompiledGrammar(
         source, reader.name(), defines, reader.value('derivation length', names),
@@ -210,27 +207,21 @@ def _skipped_names(reader: _SectionReader, compiler: RuleCompiler):
     return lambda name: name in ignored
 
 
-def _check_contexts(rules: dict[str, list[Production]]) -> None:
-    for section in ('decomposition', 'interpretation'):
-        for rule in rules[section]:
-            if rule.left or rule.right:
+def _check_rules(rules: dict[str, list[Production]], ignored: np.ndarray,
+                 vocabulary: Vocabulary) -> None:
+    """Check contexts, and that interpretation leaves queries, which are answered, alone."""
+    for section, some in rules.items():
+        for rule in some:
+            if section != 'production' and (rule.left or rule.right):
                 raise rule.place.error(f'rules under "{section}:" have no contexts')
-
-
-def _check_queries(rules: list[Production], vocabulary: Vocabulary) -> None:
-    """Check that interpretation leaves queries alone: they are answered as it finds them."""
-    for rule in rules:
-        for key in (rule.predecessor, *(piece.key for piece in rule.successor)):
-            if vocabulary.names[key][0] == '?':
+            for key in (*rule.left, *rule.right):
+                if key >= 0 and ignored[key]:
+                    raise rule.place.error(f'the context names {vocabulary.names[key]}, '
+                                           'which contexts ignore: it would never match')
+            used = (rule.predecessor, *(piece.key for piece in rule.successor))
+            if section == 'interpretation' and any(vocabulary.names[k][0] == '?' for k in used):
                 raise rule.place.error('rules under "interpretation:" neither write nor replace '
                                        'queries; productions do')
-
-
-def _check_ignored(rule: Production, ignored: np.ndarray, vocabulary: Vocabulary) -> None:
-    for key in (*rule.left, *rule.right):
-        if key >= 0 and ignored[key]:
-            raise rule.place.error(f'the context names {vocabulary.names[key]}, '
-                                   'which contexts ignore: it would never match')
 
 
 def _check_meanings(compiler: RuleCompiler, axiom: tuple[Produced, ...],

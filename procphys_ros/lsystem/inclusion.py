@@ -23,7 +23,8 @@ from procphys_ros.lsystem.statements import RULE_SECTIONS, split_statements, Sta
 _TAKEN = ('module', 'define', 'curve', *RULE_SECTIONS)
 
 
-def gather_statements(text: str, source: str, folder: Path | None = None) -> list[Statement]:
+def gather_statements(text: str, source: str, folder: Path | None = None,
+                      seen: set[Path] | None = None) -> list[Statement]:
     """
     Cut a text into statements, and add modules, defines and rules of included files.
 
@@ -32,20 +33,10 @@ def gather_statements(text: str, source: str, folder: Path | None = None) -> lis
     :param text: of the whole L-system.
     :param source: its name, for errors.
     :param folder: searched first for included files; None = the shipped ones only.
+    :param seen: files read already; None = this one.
     :raises GrammarError: for text outside any section, misspelt headers and missing files.
     """
-    return _gather(text, source, folder, {Path(shorten(source)).resolve()})
-
-
-def _statements(text: str, source: str, folder: Path | None) -> list[Statement]:
-    """Cut a text into statements, in the language that its name ends in."""
-    if source.endswith(TRANSLATED):
-        from procphys_ros.lsystem.translation import translate
-        return translate(text, source, folder)
-    return split_statements(text, source)
-
-
-def _gather(text: str, source: str, folder: Path | None, seen: set[Path]) -> list[Statement]:
+    seen = {Path(shorten(source)).resolve()} if seen is None else seen
     own = _statements(text, source, folder)
     result = list(own)
     for statement in own:
@@ -57,6 +48,14 @@ def _gather(text: str, source: str, folder: Path | None, seen: set[Path]) -> lis
             if found:
                 path, inner = found
                 seen.add(path)
-                result += [s for s in _gather(inner, str(path), path.parent, seen)
+                result += [s for s in gather_statements(inner, str(path), path.parent, seen)
                            if s.section in _TAKEN]
     return result
+
+
+def _statements(text: str, source: str, folder: Path | None) -> list[Statement]:
+    """Cut a text into statements, in the language that its name ends in."""
+    if source.endswith(TRANSLATED):
+        from procphys_ros.lsystem.translation import translate
+        return translate(text, source, folder)
+    return split_statements(text, source)
