@@ -28,11 +28,13 @@ from procphys_ros.wallgrammar.bonds import Layout
 from procphys_ros.wallgrammar.boxes import MICRO, micro, micros
 from procphys_ros.wallgrammar.derivation import Deriver, Piece
 from procphys_ros.wallgrammar.footprint import Footprint
+from procphys_ros.wallgrammar.plan import trapezia
+from procphys_ros.wallgrammar.polygons import clip, moments
 from procphys_ros.wallgrammar.spec import Building, Spec
 
 _HIGHEST = 1000.0     # [m]
 _MOST_EDGES = 300_000  # pairs of plan edges compared at most, some 30 s
-_CLOSE = 1e-3         # [m] plans that overlap by less touch each other
+_CLOSE = 1e-3         # [m] plans that overlap by a narrower strip touch each other
 
 
 class Body(NamedTuple):
@@ -291,39 +293,16 @@ def _ground_of(body: Body) -> np.ndarray:
                            * np.array([-way[1], way[0]])])
 
 
-def _crossed(points: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether edges of two polygons cross, well off the ends of both."""
-    def aside(lines: np.ndarray, places: np.ndarray) -> np.ndarray:
-        ways = np.roll(lines, -1, axis=0) - lines
-        normals = np.column_stack([-ways[:, 1], ways[:, 0]]) / hypot(*ways.T)[:, None]
-        return ((places[None] - lines[:, None]) * normals[:, None]).sum(axis=2)
-
-    first, second = aside(points, others), aside(others, points)
-    ends = [np.minimum(side, -np.roll(side, -1, axis=1)) for side in (first, second)]
-    more = [np.minimum(-side, np.roll(side, -1, axis=1)) for side in (first, second)]
-    across = [np.maximum(*pair) > _CLOSE for pair in zip(ends, more)]
-    return bool((across[0] & across[1].T).any())
-
-
 def _overlap(points: np.ndarray, others: np.ndarray) -> bool:
-    """Return whether two polygons overlap by more than their edges."""
-    if _crossed(points, others):
-        return True
-    samples = [np.concatenate([(1.0 - share) * p + share * np.roll(p, -1, axis=0)
-                               for share in np.arange(0.0, 1.0, 0.0625)]
-                              + [p.mean(axis=0)[None]]) for p in (points, others)]
-    return bool(_inside(samples[0], others).any() or _inside(samples[1], points).any())
+    """Return whether two polygons overlap by more than a strip along their edges."""
+    return any(len(piece := clip(one, other)) > 2
+               and moments(piece)[0] > _CLOSE * np.ptp(piece, axis=0).max()
+               for one in _pieces(points) for other in _pieces(others))
 
 
-def _inside(samples: np.ndarray, polygon: np.ndarray) -> np.ndarray:
-    """Mark the points inside a polygon and off its edges, (n,) bool."""
-    inside = np.zeros(len(samples), bool)
-    near = np.zeros(len(samples), bool)
-    for a, b in zip(polygon, np.roll(polygon, -1, axis=0)):
-        crosses = (a[1] > samples[:, 1]) != (b[1] > samples[:, 1])
-        with np.errstate(divide='ignore', invalid='ignore'):
-            x = a[0] + (samples[:, 1] - a[1]) * (b[0] - a[0]) / (b[1] - a[1])
-        inside ^= crosses & (samples[:, 0] < x)
-        share = np.clip(product(samples - a, b - a) / (product(b - a, b - a)), 0.0, 1.0)
-        near |= hypot(*(samples - a - share[:, None] * (b - a)).T) < _CLOSE
-    return inside & ~near
+def _pieces(polygon: np.ndarray) -> list[np.ndarray]:
+    """Cut a polygon into trapezia, counter-clockwise, (4, 2) each."""
+    found = trapezia(polygon)
+    for piece in found:  # the ends of one that ends in a point may have changed places
+        piece[:, 0] = np.sort(piece[:, 0].reshape(2, 2), axis=1).ravel()
+    return [piece[[0, 1, 3, 2]] for piece in found]

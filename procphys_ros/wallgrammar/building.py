@@ -129,8 +129,7 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     site.frames += [np.array([0.0, 0.0, 0.0, *rotation.from_yaw(yaw)]) for yaw in upright]
     for body in found:
         elevations = body.elevations(grammar.spec, grammar.layouts)
-        Interior(site, body.plan, elevations, body.building, body.storeys, body.storey_height,
-                 body.deriver, bodies.neighbours(body, found)).cut_and_lay()
+        Interior(site, body, elevations, bodies.neighbours(body, found)).cut_and_lay()
         corners.bond(site, elevations)
     boxes = site.boxes()
     frames = np.array(site.frames)

@@ -19,17 +19,15 @@ from dataclasses import dataclass
 
 from procphys_ros.errors import nearest_names
 from procphys_ros.wallgrammar import spires
-from procphys_ros.wallgrammar.bodies import Neighbour
+from procphys_ros.wallgrammar.bodies import Body, Neighbour
 from procphys_ros.wallgrammar.boxes import micro
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.floors import joist_height, slab_floor, timber_floor
-from procphys_ros.wallgrammar.footprint import Footprint
 from procphys_ros.wallgrammar.partitions import elevations, half_brick, halve, rooms_of, trim
 from procphys_ros.wallgrammar.plan import bays, Rectangle, span_axis
 from procphys_ros.wallgrammar.regions import snap_level
 from procphys_ros.wallgrammar.roofs import Roof
-from procphys_ros.wallgrammar.spec import Building, Call
+from procphys_ros.wallgrammar.spec import Call
 from procphys_ros.wallgrammar.walls import Elevation
 
 _FLOORS = {'none': (), 'timber': (), 'slab': ((0.05, 1.0),)}
@@ -44,23 +42,15 @@ class Interior:
     Builds everything behind the facades, then the facades with room for it.
 
     :ivar site: takes the parts.
-    :ivar plan: the footprint.
-    :ivar walls: of the facades.
-    :ivar building: its definition in the text.
-    :ivar storeys: number of storeys.
-    :ivar storey_height: [m].
-    :ivar deriver: evaluates expressions.
+    :ivar body: the building, or a wing of it.
+    :ivar walls: of its facades.
     :ivar neighbours: other bodies of the building.
     """
 
     site: Site
-    plan: Footprint
+    body: Body
     walls: Sequence[Elevation]
-    building: Building
-    storeys: int
-    storey_height: float
-    deriver: Deriver
-    neighbours: Sequence[Neighbour] = ()
+    neighbours: Sequence[Neighbour]
 
     def cut_and_lay(self) -> None:
         """
@@ -68,17 +58,17 @@ class Interior:
 
         :raises GrammarError: for unknown keywords, and for parts that do not fit the footprint.
         """
-        floors, depth = self._read(self.building.floors, 'floors', _FLOORS)
-        roof, pitch = self._read(self.building.roof, 'roof', _ROOFS)
-        partitions, least = self._read(self.building.partitions, 'partitions', _PARTITIONS)
+        floors, depth = self._read(self.body.building.floors, 'floors', _FLOORS)
+        roof, pitch = self._read(self.body.building.roof, 'roof', _ROOFS)
+        partitions, least = self._read(self.body.building.partitions, 'partitions', _PARTITIONS)
         only_top = roof == 'flat' and floors == 'none'
         if only_top:
             floors = 'timber'
         layout = self.walls[0].layout
         for wall in self.walls if (floors, partitions) != ('none', 'none') else ():
             wall.check_inside()
-        levels = [int(snap_level(micro(s * self.storey_height), layout))
-                  for s in range(self.storeys + 1)]
+        levels = [int(snap_level(micro(s * self.body.storey_height), layout))
+                  for s in range(self.body.storeys + 1)]
         rooms, inner = self._rooms(partitions, least, levels,
                                    self._floor_depth(floors, micro(depth)))
         trim(inner, self.walls)
@@ -89,32 +79,33 @@ class Interior:
             self._lay_floor(floors, micro(depth), level, inner, [] if bare else rooms)
         for wall in (*self.walls, *inner):
             wall.build(self.site)
-        if self.building.roof is not None and roof == 'spire':
-            spires.build(self.site, self.plan, layout, levels[-1], pitch, self.building.roof.place)
+        call = self.body.building.roof
+        if call is not None and roof == 'spire':
+            spires.build(self.site, self.body.plan, layout, levels[-1], pitch, call.place)
         elif roof in ('gable', 'hip'):
-            Roof(self.site, self.plan, self.walls, levels[-1], pitch, roof == 'gable',
+            Roof(self.site, self.body.plan, self.walls, levels[-1], pitch, roof == 'gable',
                  self.neighbours).build()
 
     def _lay_floor(self, floors: str, depth: int, level: int, inner: Sequence[Elevation],
                    rooms: Sequence[Rectangle]) -> None:
         """Lay the floor below a level [µm], on the walls and partitions; boards go into rooms."""
         if floors == 'slab':
-            slab_floor(self.site, self.plan, level, depth, [*self.walls, *inner])
+            slab_floor(self.site, self.body.plan, level, depth, [*self.walls, *inner])
         elif floors == 'timber':
-            call = self.building.floors
+            call = self.body.building.floors
             if call is None or call.name == 'none':
-                call = self.building.roof
-            place = self.building.place if call is None else call.place
-            timber_floor(self.site, self.plan, level, self.walls, inner, rooms, place)
+                call = self.body.building.roof
+            place = self.body.building.place if call is None else call.place
+            timber_floor(self.site, self.body.plan, level, self.walls, inner, rooms, place)
 
     def _floor_depth(self, floors: str, depth: int) -> int:
         """Compute the depth of floors below their level [µm], of joists along the shorter side."""
         layout = self.walls[0].layout
         if floors != 'timber':
             return -int(snap_level(-depth, layout)) if floors == 'slab' else 0
-        axis = span_axis(self.plan)
+        axis = span_axis(self.body.plan)
         return max(joist_height(bay, axis, layout.gauge)
-                   for bay in bays(self.plan, axis, layout.thickness))
+                   for bay in bays(self.body.plan, axis, layout.thickness))
 
     def _read(self, call: Call | None, key: str,
               table: dict[str, tuple[tuple[float, float], ...]]) -> tuple[str, float]:
@@ -131,33 +122,34 @@ class Interior:
                                    f'found {len(call.arguments)}')
         value = 0.0
         for (low, high), argument in zip(bounds, call.arguments):
-            value = argument.number(self.deriver.values, self.deriver.generator)
+            deriver = self.body.deriver
+            value = argument.number(deriver.values, deriver.generator)
             if not low <= value <= high:
                 raise argument.place.error(f'the number of "{call.name}" must be from {low:g} to '
                                            f'{high:g}, found {value:g}')
         if call.name != 'spire':
-            floors = self.building.floors  # flat roofs are floors once more
+            floors = self.body.building.floors  # flat roofs are floors once more
             slab = call.name == 'flat' and floors is not None and floors.name == 'slab'
             self._check_plan(call, key, not slab and call.name not in ('hip', 'gable', 'slab'))
         return call.name, value
 
     def _check_plan(self, call: Call, key: str, square: bool) -> None:
         """Check that timber fits the plan: closed, and of right angles where these are needed."""
-        if len(self.plan.facades) < 3:
+        if len(self.body.plan.facades) < 3:
             raise call.place.error(f'{key}: {call.name} needs a closed footprint, found a free '
                                    f'wall; use none here')
-        if square and not self.plan.right_angled:
-            x, y = self.plan.points[self.plan.least_right]
+        if square and not self.body.plan.right_angled:
+            x, y = self.body.plan.points[self.body.plan.least_right]
             raise call.place.error(
                 f'{key}: {call.name} needs a footprint with right angles only, to within 2 '
                 f'degrees and along the first edge of the building; look at the corner ({x:g}, '
                 f'{y:g}), or use none here')
 
     def _rooms(self, partitions: str, least: float, levels: list[int], depth: int) -> tuple:
-        if not self.plan.right_angled or len(self.plan.facades) < 3:
+        if not self.body.plan.right_angled or len(self.body.plan.facades) < 3:
             return [], []
         layout = half_brick(self.walls[0].layout)
-        rooms = rooms_of(self.plan, self.walls[0].layout.thickness)
+        rooms = rooms_of(self.body.plan, self.walls[0].layout.thickness)
         if partitions == 'none':
             return rooms, []
         # No room with its walls stays larger than this, and each but the first adds a wall,
@@ -168,7 +160,7 @@ class Interior:
         self.site.expect((area / (widest * widest) - 1.0) * micro(least) * bricks)
         rooms, between = halve(rooms, micro(least), layout.thickness)
         self.site.expect(sum(r.size[axis] for r, axis in between) * bricks)
-        return rooms, elevations(between, layout, levels, depth, self.building.place)
+        return rooms, elevations(between, layout, levels, depth, self.body.building.place)
 
     def _set_back(self) -> int:
         """Return the largest projection of facade panels into rooms [µm]."""

@@ -14,7 +14,7 @@
 
 """Parser: from the text of a wall grammar to its spec."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from procphys_ros.errors import nearest_names
@@ -185,10 +185,16 @@ class _SpecReader(GrammarReader):
                 f'{wanted or "no"} names of materials')
             raise place.error(f'"{kind}" takes {names}, found {len(arguments)} '
                               f'(kinds: {KINDS_OF_PANELS})')
-        for argument in arguments:
-            if argument.data != 'variable' and kind in _PANEL_KINDS:
-                raise self.place(argument).error('expected the name of a material')
+        if kind in _PANEL_KINDS:
+            return Panel(str(name), kind, self.names(arguments, 'the name of a material'), place)
         return Panel(str(name), kind, tuple(str(a.children[0]) for a in arguments), place)
+
+    def names(self, nodes: Sequence[Node], what: str) -> tuple[str, ...]:
+        """Read bare names."""
+        for node in nodes:
+            if node.data != 'variable':
+                raise self.place(node).error(f'expected {what}')
+        return tuple(str(node.children[0]) for node in nodes)
 
     def arch(self, name: str, arguments: list[Node], place: Place) -> Panel:
         """Read shape, rings and material of an arch."""
@@ -210,12 +216,9 @@ class _SpecReader(GrammarReader):
             raise self.place(shape).error(
                 f'"{form}" takes {"one number, its rise" if wanted else "no number"}, found '
                 f'{len(numbers)} (shapes: {shapes})')
-        for material in materials:
-            if material.data != 'variable':
-                raise self.place(material).error('expected the name of a material')
         known = {*self.known, *SCOPE_NAMES}
-        return Panel(name, 'arch', tuple(str(m.children[0]) for m in materials), place, str(form),
-                     tuple(self.expression(n, known) for n in (*numbers, rings)))
+        return Panel(name, 'arch', self.names(materials, 'the name of a material'), place,
+                     str(form), tuple(self.expression(n, known) for n in (*numbers, rings)))
 
     def hung(self, name: str, kind: str, arguments: list[Node], place: Place) -> Panel:
         """Read materials, the side of the hinges and the range of a door or of shutters."""
@@ -223,11 +226,7 @@ class _SpecReader(GrammarReader):
         if len(arguments) not in (names, names + 2):
             raise place.error(f'"{kind}" takes {names} names, and two numbers or none, found '
                               f'{len(arguments)} arguments (kinds: {KINDS_OF_PANELS})')
-        for argument in arguments[:names]:
-            if argument.data != 'variable':
-                raise self.place(argument).error('expected a name here')
-        words = [str(argument.children[0]) for argument in arguments[:names]]
-        side = ''
+        words, side = list(self.names(arguments[:names], 'a name here')), ''
         if kind == 'door':
             side = words.pop()
             if side not in ('left', 'right'):

@@ -111,22 +111,21 @@ def trapezia(points: np.ndarray) -> list[np.ndarray]:
 
 def _covers(facade: Facade, across: int, place: float) -> bool:
     """Return whether a facade that runs along `across` passes a place on it."""
-    if facade.quarter % 2 != across:
-        return False
-    start = facade.origin[across]
-    end = start + (facade.length if facade.quarter < 2 else -facade.length)
-    return min(start, end) < place < max(start, end)
+    low, high = _stretch(facade)
+    return facade.quarter % 2 == across and low < place < high
 
 
 def _wall_at(plan: Footprint, across: int, line: int, axis: int, low: int, high: int) -> bool:
     """Return whether a facade runs along a line between two places."""
-    for facade in plan.facades:
-        if facade.quarter % 2 == axis and facade.origin[across] == line:
-            start = facade.origin[axis]
-            end = start + (facade.length if facade.quarter < 2 else -facade.length)
-            if min(start, end) < high and max(start, end) > low:
-                return True
-    return False
+    return any(facade.quarter % 2 == axis and facade.origin[across] == line
+               and _stretch(facade)[0] < high and _stretch(facade)[1] > low
+               for facade in plan.facades)
+
+
+def _stretch(facade: Facade) -> list[int]:
+    """Return the ends of a facade along its axis, the lower one first [µm]."""
+    start = facade.origin[facade.quarter % 2]
+    return sorted((start, start + (facade.length if facade.quarter < 2 else -facade.length)))
 
 
 def _rectangle(axis: int, low: int, high: int, start: int, end: int) -> Rectangle:

@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.blueprint import GROUND
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import faces
-from procphys_ros.geometry.linear import eigen, norm, product
+from procphys_ros.geometry.linear import cross, eigen, norm, product
 from procphys_ros.wallgrammar.assembly import Patches
 
 _FACING = -0.94    # largest cosine between normals of opposite faces: 20 degrees
@@ -122,7 +122,7 @@ def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: n
     along = along - product(along, normal) * normal
     along /= norm(along)
     axes = np.empty((3, 3))
-    axes[:, 0], axes[:, 1], axes[:, 2] = along, _cross(normal, along), normal
+    axes[:, 0], axes[:, 1], axes[:, 2] = along, cross(normal, along), normal
     centre = 0.5 * (face.mean(axis=0) + other.mean(axis=0))
     flat = [product(points - centre, axes[:, :2]) for points in (face, other[::-1])]
     outline = clip(*flat)
@@ -141,12 +141,6 @@ def _patch(pair: tuple[int, int], face: np.ndarray, other: np.ndarray, normal: n
         return None
     frame = np.column_stack([product(axes[:, :2], turn), normal])
     return pair, frame, extent, area, gap, centre + product(axes[:, :2], middle)
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> list[float]:
-    """Compute the cross product of two vectors, faster than `np.cross`."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return [y * w - z * v, z * u - x * w, x * v - y * u]
 
 
 def _table(found: Sequence[tuple], corners: np.ndarray) -> Patches:
