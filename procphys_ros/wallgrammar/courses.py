@@ -87,7 +87,8 @@ class Courses:
             inside = [ledge for start, end, ledge in mine if start < 0.5 * (a + b) < end]
             if None in inside:
                 continue
-            part = cutting.strip(outline, a, b) if len(lines) > 2 else outline
+            part = outline if len(lines) < 3 else cutting.within(
+                outline, np.array([[-1.0, 0.0, -a], [1.0, 0.0, b]]))
             found.append(_grown(part, [ledge for ledge in inside if ledge is not None]))
         return found
 

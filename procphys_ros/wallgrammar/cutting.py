@@ -128,16 +128,6 @@ def area(outline: np.ndarray) -> float:
     return moments(outline)[0] if len(outline) > 2 else 0.0
 
 
-def overlaps(outline: np.ndarray, planes: np.ndarray) -> bool:
-    """Return whether a convex outline reaches into an intersection of half planes."""
-    return area(within(outline, planes)) >= _NOTHING
-
-
-def strip(outline: np.ndarray, left: float, right: float) -> np.ndarray:
-    """Clip an outline to the strip between two upright lines."""
-    return within(outline, np.array([[-1.0, 0.0, -left], [1.0, 0.0, right]]))
-
-
 def around(outline: np.ndarray, sides: list[Zone], least: float, joint: float
            ) -> list[np.ndarray]:
     """
@@ -238,6 +228,4 @@ def without(outline: np.ndarray, distance: float) -> np.ndarray:
 
 def _thinnest(outline: np.ndarray) -> float:
     """Compute the least width of an outline across any of its sides [m]."""
-    way = np.roll(outline, -1, axis=0) - outline
-    normal = np.column_stack([-way[:, 1], way[:, 0]]) / hypot(*way.T)[:, None]
-    return float(np.ptp(product(outline, normal.T), axis=0).min())
+    return float(np.ptp(product(outline, half_planes(outline)[:, :2].T), axis=0).min())

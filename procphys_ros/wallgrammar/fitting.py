@@ -109,8 +109,8 @@ class Fit:
     :ivar gap: region that they make room for.
     :ivar left, right: ends of the bricks around it [m], (n,).
     :ivar inner_left, inner_right: ends of the bricks inside of it [m], (n,).
-    :ivar above, aside, within: ledges over it, under its skewbacks, and inside.
-    :ivar sides: groups of zones around it, each with its ledges.
+    :ivar within: ledges inside.
+    :ivar sides: groups of zones around it, each with its ledges over it or under its skewbacks.
     :ivar touched: mask of the bricks that it may change, (n,) bool.
     """
 
@@ -119,8 +119,6 @@ class Fit:
     right: np.ndarray
     inner_left: np.ndarray
     inner_right: np.ndarray
-    above: list[Ledge]
-    aside: list[Ledge]
     within: list[Ledge]
     sides: list[tuple[list[Zone], list[Ledge]]]
     touched: np.ndarray
@@ -129,14 +127,14 @@ class Fit:
     def of(cls, courses: Courses, gap: Gap) -> 'Fit':
         """Fit bricks to a gap."""
         left, right = ends(courses, gap.outline, False)
-        above = ledges.over(courses, left, right, gap.outline, True)
+        above = list(ledges.find(courses, left, right, gap.outline, True, False))
         aside, inside = [], []
         inner = (left, right)
         if gap.inside is None:
-            aside = ledges.over(courses, left, right, gap.outline, False)
+            aside = list(ledges.find(courses, left, right, gap.outline, False, False))
         else:
             inner = ends(courses, gap.inside, True)
-            inside = ledges.under(courses, *inner, gap.inside)
+            inside = list(ledges.find(courses, *inner, gap.inside, False, True))
         foot = gap.outline[:, 1].min()
         groups: list[tuple[list[Zone], list[Ledge]]] = []
         for zone, start in zip(cutting.zones(gap.outline), gap.outline):
@@ -155,7 +153,7 @@ class Fit:
             level = round(1e6 * ledge.level)
             touched |= (((courses.bottoms == level) | (courses.tops == level))
                         & (left < ledge.right) & (right > ledge.left))
-        return cls(gap, left, right, *inner, above, aside, inside, groups, touched)
+        return cls(gap, left, right, *inner, inside, groups, touched)
 
     def around(self, courses: Courses, row: int, outline: np.ndarray) -> list[np.ndarray]:
         """Split the outline of a brick, or of a piece of one, around the gap."""

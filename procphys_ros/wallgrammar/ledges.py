@@ -24,26 +24,16 @@ from procphys_ros.wallgrammar.courses import Courses, Ledge
 _EVEN = 1e-6  # [m]
 
 
-def over(courses: Courses, left: np.ndarray, right: np.ndarray, outline: np.ndarray,
-         up: bool) -> list[Ledge]:
+def find(courses: Courses, left: np.ndarray, right: np.ndarray, outline: np.ndarray, up: bool,
+         inside: bool) -> Iterator[Ledge]:
     """
-    Find ledges over an arch, or under the skewbacks of an arch.
+    Find ledges over an arch, under the skewbacks of an arch, or inside one.
 
     :param left, right: ends of the bricks [m], (n,).
-    :param outline: region that bricks stay clear of.
-    :param up: whether over it, or under it.
+    :param outline: region that bricks stay clear of, or inside of.
+    :param up: whether over it.
+    :param inside: whether inside of it.
     """
-    return list(_ledges(courses, left, right, outline, up, False))
-
-
-def under(courses: Courses, left: np.ndarray, right: np.ndarray, outline: np.ndarray
-          ) -> list[Ledge]:
-    """Find ledges inside an arch, where bricks stay inside of an outline; see `over`."""
-    return list(_ledges(courses, left, right, outline, False, True))
-
-
-def _ledges(courses: Courses, left: np.ndarray, right: np.ndarray, outline: np.ndarray, up: bool,
-            inside: bool) -> Iterator[Ledge]:
     turn = 1.0 if up else -1.0
     edges, others = ((courses.tops, courses.bottoms) if up
                      else (courses.bottoms, courses.tops))
