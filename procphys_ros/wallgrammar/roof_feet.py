@@ -16,11 +16,12 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from procphys_ros.elementary import cos, hypot, sin
+from procphys_ros.elementary import cos, sin
 from procphys_ros.geometry.hexahedron import prisms
 from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.boxes import (
@@ -124,18 +125,21 @@ class RoofFeet:
         """Return the distance of plates and ties inside of an edge [µm]: a plate, or a gable."""
         return self.walls[0].layout.thickness if edge in self.plan.gables else self.plate
 
-    def _corner(self, edge: int, other: int, corner: int) -> int:
-        """Return how far along an edge what lies on another one reaches from their corner [µm]."""
-        turn = self.plan.turns[corner]
-        if abs(turn) < ALIGNED:
-            return 0
-        return round(float((self._inset(other) - self._inset(edge) * cos(turn)) / sin(turn)))
+    @cached_property
+    def _inside(self) -> np.ndarray:
+        """Corners of the inside of plates and gables, each the start of an edge [µm], (n, 2)."""
+        plan, insets = self.plan, np.array([*map(self._inset, range(len(self.walls)))], float)
+        bent = np.abs(plan.turns) > ALIGNED
+        along = np.where(bent, np.roll(insets, 1) - insets * cos(plan.turns), 0.0) / np.where(
+            bent, sin(plan.turns), 1.0)
+        return (MICRO * plan.points + along[:, None] * plan.ways
+                + insets[:, None] * plan.normals)
 
     def _inner(self, edge: int) -> tuple[int, int]:
         """Return the ends of the inside of a plate or gable, along its edge [µm]."""
-        after = (edge + 1) % len(self.walls)
-        return (self._corner(edge, (edge - 1) % len(self.walls), edge),
-                self.walls[edge].facade.length - self._corner(edge, after, after))
+        ends = self._inside[[edge, (edge + 1) % len(self.walls)]] / MICRO
+        low, high = np.rint(MICRO * self.plan.local(edge, ends)[:, 0]).astype(int).tolist()
+        return low, high
 
     def tie(self) -> None:
         """Tie opposite plates together, so that the rafters do not push the walls apart."""
@@ -195,45 +199,25 @@ class RoofFeet:
         """Find where a tie from an edge ends, straight across; None where it meets a corner."""
         sides = (place, place + (self.plate if plated else TIE[0]))
         low, high = self._inner(edge)
-        points = MICRO * self.plan.local(edge, self.plan.points)
-        after = np.roll(points, -1, axis=0)
+        points = MICRO * self.plan.local(edge, self._inside / MICRO)
+        way = np.roll(points, -1, axis=0) - points
         found, ends = [], []
         for x in sides:
-            crossed = np.flatnonzero((points[:, 0] - x) * (after[:, 0] - x) < 0.0)
-            share = (x - points[crossed, 0]) / (after - points)[crossed, 0]
-            y = points[crossed, 1] + share * (after - points)[crossed, 1]
-            crossed, y = crossed[y > 1.0], y[y > 1.0]
+            crossed = np.flatnonzero((points[:, 0] <= x) != (points[:, 0] + way[:, 0] <= x))
+            share = (x - points[crossed, 0]) / way[crossed, 0]
+            y = points[crossed, 1] + share * way[crossed, 1]
+            crossed, y = crossed[y > self.plate + 1.0], y[y > self.plate + 1.0]
             if not len(y) or not low <= x <= high:
                 return None
             found.append(int(crossed[np.argmin(y)]))
-        other = found[0]
-        way = (after - points)[other] / hypot(*(after - points)[other])
-        for x in sides:
-            y = points[other, 1] + (self._inset(other) + way[1] * (x - points[other, 0])) / way[0]
-            ends.append(float(y))
-            along = ((np.array([x, y]) - points[other]) * way).sum()
-            low, high = self._inner(other)
-            if found[1] != other or not low - 1.0 <= along <= high + 1.0:
-                return None
-        line = TieLine(edge, sides, (ends[0], ends[1]), other, plated)
+            ends.append(float(y.min()))
+        line = TieLine(edge, sides, (ends[0], ends[1]), found[0], plated)
+        in_the_way = (np.abs(points - [0.5 * sum(sides), 0.5 * line.length])
+                      < [0.5 * (sides[1] - sides[0]) + _CLEAR, 0.5 * line.length]).all(axis=1)
+        for own in (edge, found[0]):  # plates that it lies between may end beside it
+            in_the_way[[own, (own + 1) % len(points)]] = False
         too_long = not self.square and line.length > _LONGEST
-        return None if too_long or self._meets_corner(line) else line
-
-    def _meets_corner(self, line: TieLine) -> bool:
-        """Return whether a tie would meet the plates at a corner that points into the plan."""
-        normals, n = self.plan.normals, len(self.walls)
-        for corner in np.flatnonzero(self.plan.turns < -ALIGNED).tolist():
-            if {corner, (corner - 1) % n} & {line.edge, line.other}:
-                continue
-            mean = normals[corner - 1] + normals[corner]
-            inner = (self.plan.points[corner]
-                     + 2.0 * self.plate / MICRO * mean / (mean * mean).sum())
-            x, y = MICRO * self.plan.local(line.edge, np.array([self.plan.points[corner],
-                                                                inner])).T
-            if (x.min() < line.sides[1] + _CLEAR and x.max() > line.sides[0] - _CLEAR
-                    and y.min() < line.length and y.max() > 0.0):
-                return True
-        return False
+        return None if too_long or found[1] != found[0] or in_the_way.any() else line
 
     def _crossings(self, line: TieLine, laid: Sequence[np.ndarray]
                    ) -> list[tuple[Sides, Sides]] | None:

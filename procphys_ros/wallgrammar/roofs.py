@@ -19,6 +19,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from procphys_ros.elementary import atan2, cos, hypot, sin, tan
 from procphys_ros.geometry import rotation
@@ -43,7 +44,6 @@ from procphys_ros.wallgrammar.slopes import (
     COVER,
     distance,
     OVERHANG,
-    Post,
     RAFTER,
     rafter_depth,
     Slope,
@@ -65,6 +65,7 @@ _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
 _BESIDE = 60_000      # [µm] walls this near to a gable leave no room for its boards
 _EDGE = 0.06          # [m] between the outermost rafters and the gable
+_UP, _ASIDE = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 _MARGIN = 0.5         # [m] between the outermost rafters and the corners of other slopes
 
 
@@ -353,8 +354,7 @@ class Roof:
         points = pose[:3] + rotation.rotate(pose[3:], np.array([
             [x, 0.0, self.gauge / MICRO] for x in (start + half, length - start - half)]))
         self._bond(np.array([rows.start, rows.stop - 1]), self._nearest(boards, points), points,
-                   np.tile([0.0, 0.0, 1.0], (2, 1)), (2.0 * half, 2.0 * half),
-                   np.full((2, 2), half), rotation.rotate(pose[3:], np.array([0.0, 1.0, 0.0])))
+                   _UP, (2.0 * half, 2.0 * half), half, rotation.rotate(pose[3:], _ASIDE))
 
     def _seat_board(self, pose: np.ndarray, part: int, slope: float, depth: float,
                     plates: np.ndarray, steep: float) -> None:
@@ -362,10 +362,8 @@ class Roof:
         seat = 0.5 * self.feet.plate / MICRO / steep
         point = pose[:3] + rotation.rotate(pose[3:], np.array([[seat / cos(slope), 0.0, 0.0]]))
         point[0, 2] = self.eaves + 0.5 * seat * tan(slope)
-        self._bond(self._nearest(plates, point), np.array([part]), point,
-                   np.array([[0.0, 0.0, 1.0]]), (BOARD, 2 * seat),
-                   np.array([[0.5 * self.gauge / MICRO, 0.5 * depth]]),
-                   rotation.rotate(pose[3:], np.array([0.0, 1.0, 0.0])))
+        self._bond(self._nearest(plates, point), np.array([part]), point, _UP, (BOARD, 2 * seat),
+                   (0.5 * self.gauge / MICRO, 0.5 * depth), rotation.rotate(pose[3:], _ASIDE))
 
     def _fix(self, node: Node, part: int, point: np.ndarray, depth: float) -> None:
         """Nail the end of a board to a post."""
@@ -373,8 +371,8 @@ class Roof:
             return
         first = self.site.frames[0]
         way = (rotation.rotate(first[3:], np.array([*node.place, 0.0])) - point) * [1.0, 1.0, 0.0]
-        self._bond(np.array([part]), np.array([node.post]), point[None], (way / norm(way))[None],
-                   (BOARD, depth), np.array([[0.5, _POST]]))
+        self._bond(np.array([part]), np.array([node.post]), point[None], way / norm(way),
+                   (BOARD, depth), (0.5, _POST))
 
     def _ridge(self, arc: Arc, nodes: Sequence[Node]) -> np.ndarray:
         """Set a ridge board, from post to post or into the gables."""
@@ -418,7 +416,7 @@ class Roof:
             arc.end])) for arc in around]
         ridges = [(*sorted(line[:, 0].tolist()), arc.high)
                   for arc, line in zip(around, lines) if arc.low == arc.high]
-        posts = [Post(place, u, node.radius) for node in nodes
+        posts = [(place, u, node.radius) for node in nodes
                  for place, u in [plan.local(plane, node.place).tolist()]
                  if node.post >= 0 and any(node.ends_of(arc) for arc in around)]
         facade, first = self.walls[plane].facade, self.site.frames[0][3:]
@@ -428,7 +426,7 @@ class Roof:
         origin = rotation.rotate(first, np.array([*plan.points[plane], self.eaves]))
         pose = np.concatenate([origin, rotation.multiply(rotation.from_yaw(yaw), tilt)])
         return Slope(pose, self.pitch, self.depth, plan.strips(plane, reach), reach,
-                     tuple(ridges), lines, tuple(posts))
+                     tuple(ridges), lines, posts)
 
     def _verges(self, plane: int) -> list[tuple[float, int, float, list[Span]]]:
         """List the gables at the ends of a slope, the last first: see `Slope.verges`."""
@@ -488,12 +486,10 @@ class Roof:
         width = self.feet.plate / MICRO
         points = slope.world(0.5 * width / cos(self.pitch), -place, 0.0)
         points[:, 2] = self.eaves + 0.25 * width * tan(self.pitch)
-        upright = np.tile([0.0, 0.0, 1.0], (len(points), 1))
-        reach = np.tile([0.5 * self.gauge / MICRO, 0.5 * self.depth], (len(points), 1))
         # A long rafter is cut in pieces: the one over the plate carries.
-        eaves = rotation.rotate(slope.pose[3:], np.array([0.0, 1.0, 0.0]))
-        self._bond(self._nearest(plates, points), parts, points, upright, (RAFTER, width), reach,
-                   eaves)
+        self._bond(self._nearest(plates, points), parts, points, _UP, (RAFTER, width),
+                   (0.5 * self.gauge / MICRO, 0.5 * self.depth),
+                   rotation.rotate(slope.pose[3:], _ASIDE))
 
     def _nail(self, slope: Slope, parts: np.ndarray, holders: np.ndarray, points: np.ndarray,
               half: np.ndarray, side: float = 1.0) -> None:
@@ -503,27 +499,20 @@ class Roof:
         :param half: half the lengths of the rafters [m], (n,).
         :param side: 1 at their upper ends, -1 at the lower ones.
         """
-        if not len(points):
-            return
         along = slope.world(np.ones(1), np.zeros(1), 0.0)[0] - slope.pose[:3]
         along[2] = 0.0
-        normal = np.tile(side * along / norm(along), (len(points), 1))
         reach = np.column_stack([half, np.full(len(points), 0.5 * BOARD)])
-        self._bond(parts, self._nearest(holders, points), points, normal, (RAFTER, self.depth),
-                   np.minimum(reach, 0.5))
+        self._bond(parts, self._nearest(holders, points), points, side * along / norm(along),
+                   (RAFTER, self.depth), np.minimum(reach, 0.5))
 
     def _hold(self, slope: Slope, parts: np.ndarray, points: np.ndarray,
               holders: np.ndarray) -> None:
         """Fix battens and cut tiles on hips and valleys."""
-        if not len(points):
-            return
-        out = slope.world(np.zeros(1), np.zeros(1), 1.0) - slope.pose[:3]
+        out = slope.world(np.zeros(1), np.zeros(1), 1.0)[0] - slope.pose[:3]
         boards = self._nearest(holders, points)
         once = np.unique(np.column_stack([boards, parts]), axis=0, return_index=True)[1]
-        boards, parts, points = boards[once], parts[once], points[once]
-        self._bond(boards, parts, points,
-                   np.tile(out, (len(points), 1)), (BATTEN[0], BATTEN[0]),
-                   np.tile([0.5 * self.depth, 0.5 * BATTEN[1]], (len(points), 1)))
+        self._bond(boards[once], parts[once], points[once], out, (BATTEN[0], BATTEN[0]),
+                   (0.5 * self.depth, 0.5 * BATTEN[1]))
 
     def _nearest(self, rows: np.ndarray, points: np.ndarray) -> np.ndarray:
         """Find the part among some that is nearest to each point, (n,)."""
@@ -535,17 +524,22 @@ class Roof:
         return rows[np.argmin((outside * outside).sum(axis=-1), axis=1)]
 
     def _bond(self, first: np.ndarray, second: np.ndarray, points: np.ndarray,
-              normals: np.ndarray, extent: tuple[float, float], reach: np.ndarray,
+              normal: np.ndarray, extent: tuple[float, float], reach: ArrayLike,
               ahead: np.ndarray | None = None) -> None:
-        """Bond parts of different frames; the patch's x lies level, `ahead` in level patches."""
-        level = np.cross([0.0, 0.0, 1.0], normals)
-        if ahead is not None:
-            level[:] = ahead
-        level /= norm(level, axis=1, keepdims=True)
-        axes = np.stack([level, np.cross(normals, level), normals], axis=-1)
+        """
+        Bond parts of different frames.
+
+        :param points: middles of the patches [m], (n, 3).
+        :param normal: of all patches, from the first to the second parts, (3,).
+        :param extent: along their x and y [m].
+        :param reach: half of each part's size along the normal [m], (n, 2), (2,) or a number.
+        :param ahead: along x, (3,); None = level.
+        """
         n = len(points)
+        level = np.cross(_UP, normal) if ahead is None else ahead
+        level = level / norm(level)
+        turn = rotation.from_matrix(np.stack([level, np.cross(normal, level), normal], axis=-1))
         self.site.patches.append(Patches(
-            np.column_stack([first, second]), np.column_stack([points,
-                                                               rotation.from_matrix(axes)]),
+            np.column_stack([first, second]), np.column_stack([points, np.tile(turn, (n, 1))]),
             np.tile(extent, (n, 1)), np.full(n, extent[0] * extent[1]), np.full(n, _TIE_GAP),
-            reach))
+            np.broadcast_to(reach, (n, 2))))

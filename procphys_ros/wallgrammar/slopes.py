@@ -27,6 +27,7 @@ from procphys_ros.geometry.hexahedron import prisms
 from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, split_along
 from procphys_ros.wallgrammar.construction import Site
+from procphys_ros.wallgrammar.cutting import within
 from procphys_ros.wallgrammar.roof_plan import Strip
 from procphys_ros.wallgrammar.tiles import (
     APART,
@@ -77,19 +78,6 @@ class Ends(NamedTuple):
     reach: np.ndarray
 
 
-class Post(NamedTuple):
-    """
-    Place where lines of the roof meet, seen from a slope.
-
-    :ivar place, height: along the eaves, and from them in plan [m].
-    :ivar radius: kept clear of rafters [m].
-    """
-
-    place: float
-    height: float
-    radius: float
-
-
 Batten = tuple[float, float, float]  # up the slope, and its ends along the eaves [m]
 
 
@@ -118,7 +106,8 @@ class Slope:
     :ivar overhang: distance of their feet below the eaves in plan [m].
     :ivar ridges: start and end along the eaves, and distance from them in plan, of its ridges [m].
     :ivar lines: ends of the boards around it, along the eaves and from them in plan [m], (2, 2).
-    :ivar posts: at its corners.
+    :ivar posts: where lines of the roof meet, along the eaves and from them in plan, and how far
+        around rafters keep clear [m].
     """
 
     pose: np.ndarray
@@ -128,7 +117,7 @@ class Slope:
     overhang: float
     ridges: tuple[tuple[float, float, float], ...] = ()
     lines: Sequence[np.ndarray] = ()
-    posts: tuple[Post, ...] = ()
+    posts: Sequence[tuple[float, float, float]] = ()
 
     def world(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
         """Transform points from the slope's frame to the building's [m], (n, 3)."""
@@ -173,7 +162,7 @@ class Slope:
                      for edge, edge_is_cut, sign in self._extent())
         if high < low:
             low = high = 0.5 * (low + high)
-        marks = [low, *sorted(place for post in self.posts for place in self._beside(post)
+        marks = [low, *sorted(place for post in self.posts for place in self._beside(*post)
                               if low + RAFTER < place < high - RAFTER), high]
         place = np.concatenate([[low], *(np.linspace(a, b, max(int(np.ceil(
             (b - a) / RAFTER_SPACING)), 1) + 1)[1:] for a, b in zip(marks, marks[1:])
@@ -190,12 +179,12 @@ class Slope:
             material=site.material('timber'))
         return Ends(*site.add_spans(boxes, PIECE), place, start, reach)
 
-    def _beside(self, post: Post) -> list[float]:
+    def _beside(self, place: float, height: float, radius: float) -> list[float]:
         """Return where rafters go at a post: below it, or on both sides if they are above it."""
-        foot, head = self._at(np.array([post.place]))
-        above = foot[0] > post.height - post.radius and head[0] > post.height + post.radius
-        aside = post.radius + RAFTER
-        return [post.place - aside, post.place + aside] if above else [post.place]
+        foot, head = self._at(np.array([place]))
+        if foot[0] > height - radius and head[0] > height + radius:
+            return [place - radius - RAFTER, place + radius + RAFTER]
+        return [place]
 
     def _reach(self, place: np.ndarray, wall: float) -> tuple[np.ndarray, np.ndarray]:
         """Compute how far rafters reach clear of boards and posts, from the eaves in plan [m]."""
@@ -208,12 +197,12 @@ class Slope:
             above = (low < high) & (0.5 * (low + high) > middle)
             head = np.where(above, np.minimum(head, low), head)
             foot = np.where(above | (high < low), foot, np.maximum(foot, high))
-        for post in self.posts:
-            near = np.abs(place - post.place) < 0.5 * RAFTER + post.radius
-            above = near & (post.height > middle)
-            head[above] = np.minimum(head, post.height - post.radius)[above]
+        for post, height, radius in self.posts:
+            near = np.abs(place - post) < 0.5 * RAFTER + radius
+            above = near & (height > middle)
+            head[above] = np.minimum(head, height - radius)[above]
             near &= ~above
-            foot[near] = np.maximum(foot, post.height + post.radius)[near]
+            foot[near] = np.maximum(foot, height + radius)[near]
         return foot, head
 
     def cover(self, site: Site, frame: int, rafters: Ends) -> tuple[np.ndarray, np.ndarray]:
@@ -285,8 +274,8 @@ class Slope:
         top = float(rafters.reach.max()) - BATTEN[0]
         # Those at the ends of rafters come first.
         marks = [self._below(height) for *_, height in self.ridges]
-        marks += [reach - 0.5 * BATTEN[0] for post in self.posts
-                  for reach in rafters.reach[np.abs(rafters.place - post.place) < APART].tolist()]
+        marks += [reach - 0.5 * BATTEN[0] for post, *_ in self.posts
+                  for reach in rafters.reach[np.abs(rafters.place - post) < APART].tolist()]
         stops = [float(self.along(-OVERHANG, 0.0)), top]
         for x in (mark - 0.5 * BATTEN[0] for mark in marks):
             if stops[0] < x < top and min(abs(x - stop) for stop in stops) > 2.0 * BATTEN[0]:
@@ -394,20 +383,19 @@ class Slope:
         whole = ((corners[:, 0, 0] == corners[:, 2, 0]) & (corners[:, 1, 0] == corners[:, 3, 0])
                  & (np.ptp(corners[:, :2, 1], axis=1) + np.ptp(corners[:, 2:, 1], axis=1) < 1e-9))
         for joint, some in ((Joint.NAIL, nailed), (Joint.FIXING, ~nailed)):
-            for mask in (some & whole, some & ~whole):
-                if mask.any():
-                    tiles = _boxes(site, [
-                        ((*low, level), (*high, level + TILE[1]))
-                        for low, high in corners[mask][:, [0, 3]]], frame, 'tile', 'tile'
-                    ) if (mask & whole).any() else site.hexahedra(
-                        prisms(corners[mask], level, level + TILE[1]), site.kind('tile'),
-                        site.material('tile'), frame)
-                    tiles.joint[:] = joint
-                    rows = site.add(tiles)
-                    if not (mask & whole).any():
-                        some_parts, some_points = self._bedded(corners[mask], level)
-                        parts.append(rows.start + some_parts)
-                        points.append(some_points)
+            square, cut = corners[some & whole], corners[some & ~whole]
+            if len(square):
+                tiles = _boxes(site, [((*low, level), (*high, level + TILE[1]))
+                                      for low, high in square[:, [0, 3]]], frame, 'tile', 'tile')
+                tiles.joint[:] = joint
+                site.add(tiles)
+            if len(cut):
+                tiles = site.hexahedra(prisms(cut, level, level + TILE[1]), site.kind('tile'),
+                                       site.material('tile'), frame)
+                tiles.joint[:] = joint
+                some_parts, some_points = self._bedded(cut, level)
+                parts.append(site.add(tiles).start + some_parts)
+                points.append(some_points)
         return np.concatenate(parts), np.concatenate(points)
 
     def _bedded(self, corners: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
@@ -468,17 +456,10 @@ def _beside(line: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray
     aside = np.array([-way[1], way[0]])
     corners = np.concatenate([line - 0.5 * BOARD * aside - CLEAR * aside,
                               line[::-1] + 0.5 * BOARD * aside + CLEAR * aside])
-    low, high = np.full(len(place), 1e3), np.full(len(place), -1e3)
-    for start, end in zip(corners, np.roll(corners, -1, axis=0)):
-        first, last = (start, end) if start[0] < end[0] else (end, start)
-        ends = [np.clip(place + side, first[0], last[0]) for side in (-0.5 * RAFTER, 0.5 * RAFTER)]
-        meets = (place + 0.5 * RAFTER > first[0]) & (place - 0.5 * RAFTER < last[0])
-        for y in ends:
-            share = (y - first[0]) / max(last[0] - first[0], 1e-12)
-            u = first[1] + share * (last[1] - first[1])
-            low, high = (np.where(meets, np.minimum(low, u), low),
-                         np.where(meets, np.maximum(high, u), high))
-    return low, high
+    spans = [within(corners, np.array([[1.0, 0.0, x + 0.5 * RAFTER],
+                                       [-1.0, 0.0, 0.5 * RAFTER - x]]))[:, 1] for x in place]
+    return (np.array([span.min(initial=1e3) for span in spans]),
+            np.array([span.max(initial=-1e3) for span in spans]))
 
 
 def _over(line: np.ndarray, u: float) -> Span:
