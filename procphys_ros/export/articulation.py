@@ -84,7 +84,6 @@ class Articulation:
         return len(self.part)
 
 
-
 def articulate(content: Content) -> Articulation:
     """
     Compute the joints of all trees in a scene.
