@@ -24,10 +24,10 @@ from numpy.typing import ArrayLike
 from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import prisms
-from procphys_ros.geometry.linear import product
 from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, split_along
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.cutting import within
+from procphys_ros.wallgrammar.cutting import half_planes, rectangles, within
+from procphys_ros.wallgrammar.polygons import moments
 from procphys_ros.wallgrammar.roof_plan import Strip
 from procphys_ros.wallgrammar.tiles import (
     APART,
@@ -225,8 +225,9 @@ class Slope:
         cut = self._hang(site, frame, self._rows(lines, battens, tops), self.depth + BATTEN[1],
                          TILE[0], battens)
         self._hang(site, frame, [run for _, run in tops], self.depth + COVER, RIDGE_TILE)
-        parts, points = zip(self._at_boards(boxes.member, added.start, battens), cut)
-        return np.concatenate(parts), np.concatenate(points)
+        parts, points = self._on_boards(1e-6 * rectangles(boxes.low[:, :2], boxes.high[:, :2]),
+                                        self.depth)
+        return np.append(added.start + parts, cut[0]), np.concatenate([points, cut[1]])
 
     def _rows(self, lines: Sequence[float], battens: Sequence[Batten],
               tops: Sequence[tuple[float, list[RowPiece]]]) -> list[list[RowPiece]]:
@@ -246,24 +247,24 @@ class Slope:
                     low + APART * (low in lines), above - APART * (above in lines), level,
                     [(row[0].start, row[-1].end) for line, row in tops if line < low + APART])]
 
-    def _at_boards(self, member: np.ndarray, first: int, battens: Sequence[Batten]
-                   ) -> tuple[np.ndarray, np.ndarray]:
-        """Find where battens lie on hips, valleys and sloping ridges, see `cover`."""
-        parts, points = [], []
-        for k, (x, start, end) in enumerate(battens):
-            rows = first + np.flatnonzero(member == member[0] + k)
-            for line in self.lines:
-                low, high = _over(line, float(self._plan(x, self.depth)))
-                low, high = max(low, start), min(high, end)
-                if high - low < 0.5 * BATTEN[0]:
-                    continue
-                count = int(np.ceil((high - low) / RAFTER_SPACING))
-                for place in (low + (np.arange(count) + 0.5) * (high - low) / count).tolist():
-                    # Pieces follow each other against the eaves.
-                    piece = int((end - place) / (end - start) * len(rows))
-                    parts.append(rows[min(piece, len(rows) - 1)])
-                    points.append((x, -place, self.depth))
-        return np.array(parts, int), np.array(points).reshape(-1, 3)
+    def _on_boards(self, outlines: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
+        """
+        Find what lies on the boards of hips, valleys and sloping ridges.
+
+        :param outlines: of parts along x and y [m], (n, 4, 2).
+        :param level: of their underside [m].
+        :returns: indices of those that do, (k,), and where, in the slope's frame [m], (k, 3).
+        """
+        found, points = [], []
+        plan = np.stack([-outlines[..., 1], self._plan(outlines[..., 0], level)], axis=2)
+        for planes in (half_planes(_outline(line)) for line in self.lines):
+            for k, outline in enumerate(plan):
+                common = within(outline, planes)
+                if len(common) > 2 and np.ptp(common, axis=0).min() > 2.0 * APART:
+                    place, u = moments(common)[1]
+                    found.append(k)
+                    points.append((self.along(u, level), -place, level))
+        return np.array(found, int), np.array(points).reshape(-1, 3)
 
     def _lines(self, rafters: Ends) -> list[float]:
         """
@@ -393,27 +394,10 @@ class Slope:
                 tiles = site.hexahedra(prisms(cut, level, level + TILE[1]), site.kind('tile'),
                                        site.material('tile'), frame)
                 tiles.joint[:] = joint
-                some_parts, some_points = self._bedded(cut, level)
+                some_parts, some_points = self._on_boards(cut[:, [0, 1, 3, 2]], level)
                 parts.append(site.add(tiles).start + some_parts)
                 points.append(some_points)
         return np.concatenate(parts), np.concatenate(points)
-
-    def _bedded(self, corners: np.ndarray, level: float) -> tuple[np.ndarray, np.ndarray]:
-        """Find which cut tiles, (n, 4, 2), lie on boards, and where, see `_hang`."""
-        tiles, points = [], []
-        middle = corners.mean(axis=1)
-        plan = np.column_stack([-middle[:, 1], self._plan(middle[:, 0], level)])
-        for line in self.lines:
-            way = line[1] - line[0]
-            share = np.clip(product(plan - line[0], way) / (way * way).sum(), 0.0, 1.0)
-            u, place = (line[0] + share[:, None] * way).T[::-1]
-            on = np.column_stack([self.along(u, level), -place])
-            for k, (point, outline) in enumerate(zip(on, corners[:, [0, 1, 3, 2]])):
-                if min(distance(np.array(side), point) for side in zip(
-                        outline, np.roll(outline, -1, axis=0))) < 0.5 * BOARD:
-                    tiles.append(k)
-                    points.append((*point, level))
-        return np.array(tiles, int), np.array(points).reshape(-1, 3)
 
     def verges(self, site: Site, frame: int,
                ends: Sequence[tuple[float, int, float, Sequence[Span]]]) -> None:
@@ -452,25 +436,19 @@ def _beside(line: np.ndarray, place: np.ndarray) -> tuple[np.ndarray, np.ndarray
     :returns: where they would enter and leave it, the first above the second where they pass
         beside it, (n,) each.
     """
-    way = (line[1] - line[0]) / hypot(*(line[1] - line[0]))
-    aside = np.array([-way[1], way[0]])
-    corners = np.concatenate([line - 0.5 * BOARD * aside - CLEAR * aside,
-                              line[::-1] + 0.5 * BOARD * aside + CLEAR * aside])
-    spans = [within(corners, np.array([[1.0, 0.0, x + 0.5 * RAFTER],
-                                       [-1.0, 0.0, 0.5 * RAFTER - x]]))[:, 1] for x in place]
+    board = _outline(line, CLEAR)
+    spans = [within(board, np.array([[1.0, 0.0, x + 0.5 * RAFTER],
+                                     [-1.0, 0.0, 0.5 * RAFTER - x]]))[:, 1] for x in place]
     return (np.array([span.min(initial=1e3) for span in spans]),
             np.array([span.max(initial=-1e3) for span in spans]))
 
 
-def _over(line: np.ndarray, u: float) -> Span:
-    """Return the stretch along the eaves that is over a board, at a distance from them [m]."""
+def _outline(line: np.ndarray, clear: float = 0.0) -> np.ndarray:
+    """Return the outline of a board in plan and beside it, counter-clockwise [m], (4, 2)."""
     way = (line[1] - line[0]) / hypot(*(line[1] - line[0]))
-    ends = sorted(line[:, 0].tolist())
-    if abs(way[1]) < APART:  # along the eaves
-        return (ends[0], ends[1]) if abs(u - line[0, 1]) < 0.5 * BOARD else (0.0, 0.0)
-    middle = line[0, 0] + (u - line[0, 1]) * way[0] / way[1]
-    half = 0.5 * BOARD / abs(way[1])
-    return max(middle - half, ends[0] - half), min(middle + half, ends[1] + half)
+    aside = np.array([-way[1], way[0]])
+    return np.concatenate([line - 0.5 * BOARD * aside - clear * aside,
+                           line[::-1] + 0.5 * BOARD * aside + clear * aside])
 
 
 def distance(line: np.ndarray, place: np.ndarray) -> float:
