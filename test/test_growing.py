@@ -564,7 +564,7 @@ def test_plants_that_grow_together_see_each_other():
         plants = [system.plant(np.array([x, y, 0.0, 0.0, 0.0, 0.0, 1.0]), 3, {'years': 9})
                   for x, y in places]
         grow(plants, Habitat(threads=threads))
-        return [len(plant.build().leaves) for plant in plants]
+        return [len(plant.drawn().blueprint.leaves) for plant in plants]
     alone, = leaves([(0.0, 0.0)])
     crowd = [(0.0, 0.0), (0.7, 0.0), (-0.7, 0.0), (0.0, 0.7), (0.0, -0.7)]
     among = leaves(crowd)

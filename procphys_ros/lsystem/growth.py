@@ -175,14 +175,8 @@ class Growth:
         modules = self.interpreted()
         return self._turtle(self._generator).draw(modules)
 
-    def build(self) -> Blueprint | None:
-        """Build the blueprint in the frame of the plant; None when nothing of it is left."""
-        modules = self.interpreted()
-        drawing, _ = self._turtle(self._generator).survey(modules)
-        return None if drawing is None else build_drawn(drawing)
-
     def drawn(self) -> Drawn | None:
-        """Build the blueprint as it would be after the last step; else as `build`."""
+        """Build the blueprint as after the last step; None when nothing of it is left."""
         generator = deepcopy(self._generator)  # the next step draws the same numbers
         modules, source = self._interpret(generator)
         drawing, _ = self._turtle(generator).survey(modules)

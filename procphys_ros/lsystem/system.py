@@ -129,6 +129,6 @@ class LSystem:
         return Growth(self.grammar, steps, seed, defines, root)
 
     def _grow(self, steps: int | None, seed: int, defines: Mapping[str, float]) -> Growth:
-        growth = Growth(self.grammar, steps, seed, defines, rotation.ORIGIN)
+        growth = self.plant(rotation.ORIGIN, seed, defines, steps)
         grow([growth])
         return growth

@@ -23,20 +23,18 @@ import numpy as np
 
 from procphys_ros.blueprint import Shape
 from procphys_ros.view import shapes
-from procphys_ros.view.near_leaves import NearLeaves
+from procphys_ros.view.near_leaves import AWAY, COLUMNS, NearLeaves
 from procphys_ros.view.source import Frame, PageContent
 
 MOST_BOXES = 512    # copies in a batch: one moving brick is sent with its whole batch
 _MOST_OTHERS = 8192  # the same for branches and leaves, which move all together or not at all
 VISIBLE = 5e-4       # [m] and [-]: smaller moves of parts are not sent
 _VISIBLE_LEAF = 4e-3  # the same for leaves, which are not seen singly
-_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where parts that are gone are put
 # Kinds of meshes: boxes, balls, and a kind for each form of hexahedra, counted down; others are
 # indices into `shapes.TAPERS`.
 _BOX, _BALL, _FIRST_SOLID = -1, -2, -3
 _NOBODY = np.zeros((0, 3))
 _DIGITS = 4  # of the corners of hexahedra [m]: tenths of a millimetre look alike
-_COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
 
 
 class Group:
@@ -98,7 +96,7 @@ class Group:
             handle.remove()
 
     def _placed(self, poses: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        return poses[rows][:, _COLUMNS].astype(np.float32) * self._scale
+        return poses[rows][:, COLUMNS].astype(np.float32) * self._scale
 
 
 class Batches:
@@ -127,7 +125,7 @@ class Batches:
         single = self._near.update(frame.content, leaves, eyes)
         if len(single):
             leaves = leaves.copy()
-            leaves[single] = _AWAY
+            leaves[single] = AWAY
         content = frame.content
         if len(self._parts) < len(poses):
             for rows, mesh in _part_groups(content, np.arange(len(self._parts), len(poses))):
@@ -148,7 +146,7 @@ class Batches:
 def present(poses: np.ndarray) -> np.ndarray:
     """Replace the poses of parts that are gone by one out of sight."""
     gone = ~np.isfinite(poses[:, 0])
-    return np.where(gone[:, None], _AWAY, poses) if gone.any() else poses
+    return np.where(gone[:, None], AWAY, poses) if gone.any() else poses
 
 
 def _scales(content: PageContent, rows: np.ndarray) -> np.ndarray:

@@ -25,8 +25,8 @@ from procphys_ros.view.source import PageContent
 
 _NEAR = 50.0  # lengths of a leaf: distance at which it has 22 px of 1000, as in `render`
 _MOST_BLADES = 12_000  # per texture, those of the nearest clusters: 200,000 triangles
-_COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
-_AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where unused copies are put
+COLUMNS = [0, 1, 2, 6, 3, 4, 5]  # of a pose, in the order of the page: x y z, qw qx qy qz
+AWAY = np.array([0.0, 0.0, -1e3, 0.0, 0.0, 0.0, 1.0])  # [m] where copies that are not seen are
 _PERIOD = 10    # frames between searches for near clusters
 _VISIBLE = 4e-3  # [m] and [-]: smaller moves are not sent
 
@@ -74,9 +74,9 @@ class NearLeaves:
               poses: np.ndarray) -> None:
         name = content.textures[texture]
         most = _most(name)
-        placed = np.tile(_AWAY, (most, 1))
+        placed = np.tile(AWAY, (most, 1))
         placed[:len(rows)] = poses
-        placed = placed[:, _COLUMNS] * ([self._unit] * 3 + [1.0] * 4)
+        placed = placed[:, COLUMNS] * ([self._unit] * 3 + [1.0] * 4)
         scales = np.full((most, 3), 1e-6)
         scales[:len(rows)] = self._unit * content.leaves.size[rows, None]
         now = np.hstack([placed, scales]).astype(np.float32)

@@ -17,6 +17,7 @@
 
 from functools import cache
 import io
+from typing import Any
 
 import numpy as np
 
@@ -100,24 +101,16 @@ def leaf(name: str, tone: int) -> bytes:
 def spray(name: str) -> bytes:
     """Write the same cluster leaf by leaf, as drawn by `render` at close range."""
     from PIL import Image
-    import trimesh
     own = look(name)
     vertices, _, _, faces = unit_mesh(Kind.SPRAY, own.pattern)
     light = vertices[:, 3]
     grey = Image.fromarray(np.tile(np.arange(256, dtype=np.uint8)[:, None], (4, 1, 3)))
     colour = _linear(np.array(own.rgba[:3])) / _linear(light.mean())
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=grey, baseColorFactor=[*np.clip(colour, 0.0, 1.0), 1.0],
-        metallicFactor=0.0, roughnessFactor=1.0, doubleSided=True)
-    made = trimesh.Trimesh(
-        vertices[:, :3] * [own.aspect, own.aspect, 1.0], faces, process=False,
-        vertex_normals=np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
-        visual=trimesh.visual.TextureVisuals(
-            uv=np.column_stack([np.clip(light, 0.01, 0.99), np.full(len(light), 0.5)]),
-            material=material))
-    data = io.BytesIO()
-    made.export(data, file_type='glb', include_normals=True)
-    return data.getvalue()
+    return _write(vertices[:, :3] * [own.aspect, own.aspect, 1.0], faces,
+                  np.tile([0.0, 0.0, 1.0], (len(vertices), 1)),
+                  np.column_stack([np.clip(light, 0.01, 0.99), np.full(len(light), 0.5)]),
+                  baseColorTexture=grey, baseColorFactor=[*np.clip(colour, 0.0, 1.0), 1.0],
+                  doubleSided=True)
 
 
 def tones(name: str) -> int:
@@ -135,8 +128,6 @@ def tone_of(rows: np.ndarray, count: np.ndarray) -> np.ndarray:
 def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray, name: str,
          tone: int) -> bytes:
     from PIL import Image
-    import trimesh
-
     own = look(name)
     pixels = texture.image(own.pattern)
     holes = pixels is not None and bool((pixels[..., 3] < 255).any())
@@ -145,10 +136,17 @@ def _glb(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndar
     shade = 1.0 + own.variation * (2.0 * (tone + 0.5) / tones(name) - 1.0)
     colour = np.clip(np.array(own.rgba[:3]) * shade / texture.mean_light(own.pattern), 0.0, 1.0)
     colour = _linear(colour)
-    material = trimesh.visual.material.PBRMaterial(
-        baseColorTexture=picture, baseColorFactor=[*colour, own.rgba[3]], metallicFactor=0.0,
-        roughnessFactor=1.0, doubleSided=holes, alphaCutoff=_CUT_OFF if holes else None,
-        alphaMode='MASK' if holes else 'BLEND' if own.rgba[3] < 1.0 else 'OPAQUE')
+    return _write(points, faces, normals, uv, baseColorTexture=picture,
+                  baseColorFactor=[*colour, own.rgba[3]], doubleSided=holes,
+                  alphaCutoff=_CUT_OFF if holes else None,
+                  alphaMode='MASK' if holes else 'BLEND' if own.rgba[3] < 1.0 else 'OPAQUE')
+
+
+def _write(points: np.ndarray, faces: np.ndarray, normals: np.ndarray, uv: np.ndarray,
+           **looks: Any) -> bytes:
+    import trimesh
+    material = trimesh.visual.material.PBRMaterial(metallicFactor=0.0, roughnessFactor=1.0,
+                                                   **looks)
     made = trimesh.Trimesh(points, faces, vertex_normals=normals, process=False,
                            visual=trimesh.visual.TextureVisuals(uv=uv, material=material))
     data = io.BytesIO()
