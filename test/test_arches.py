@@ -20,7 +20,6 @@ import pytest
 from scipy import ndimage
 
 from procphys_ros.errors import GrammarError
-from procphys_ros.files.resources import shared_folder
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import box_corners
 from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
@@ -235,19 +234,6 @@ def test_dry_rings_stand_down_to_limit_analysis(count):
         assert fracture(ring).solver.supported[stone].all() == holds
 
 
-def test_an_arch_carries_the_wall_above_it_until_a_pier_goes():
-    """Load a flat arch with its wall: it stands; take a pier out: arch and wall come down."""
-    wall = built('flat, 1', 0.3)
-    found = fracture(wall)
-    assert found.solver.supported.all() and found.solver.graph.alive.all()
-    stone = np.array(wall.kinds)[wall.kind] == 'voussoir'
-    pier = np.flatnonzero((wall.poses[:, 0] < 1.0) & (wall.poses[:, 2] < 0.6))
-    found.solver.cut(found.solver.graph.neighbours(pier), 2.0)
-    for _ in range(10):  # which may stop for a breath before all is at rest
-        found.advance(20_000)
-    assert found.stable and not found.solver.supported[stone].all()
-
-
 @pytest.mark.parametrize(('change', 'message'), [
     (('round, 1', 'gothic, 1'), 'unknown shape "gothic" of an arch (shapes: round, '
                                 'segmental(rise), pointed, flat)'),
@@ -268,12 +254,3 @@ def test_arches_that_cannot_be_built_are_refused(change, message):
     with pytest.raises(GrammarError, match=r'^<text>:\d+:\d+: ') as refused:
         WallGrammar.parse(text).build()
     assert message in str(refused.value)
-
-
-@pytest.mark.parametrize(('name', 'defines'), [('arcade', {'bays': 1}), ('bridge', {})])
-def test_shipped_arches_stand(name, defines):
-    """Crack nothing under its own weight."""
-    grammar = WallGrammar.load(shared_folder() / 'grammars' / f'{name}.wall')
-    found = fracture(grammar.build(**defines))
-    assert found.solver.supported.all() and found.solver.graph.alive.all()
-    assert not found.solver.graph.cracked.any()

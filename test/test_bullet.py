@@ -41,16 +41,6 @@ def dumbbell(world, x=0.0, z=1.0):
                               total.inertia, total.pose)
 
 
-@steps
-def test_falls_are_those_of_the_law(dt):
-    """Let a brick fall for a second."""
-    with World(engine='bullet') as world:
-        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 50))
-        for _ in range(round(1 / dt)):
-            world.step(dt)
-        assert 50.0 - world.poses([brick])[0, 2] == pytest.approx(0.5 * G, rel=1e-3)
-
-
 @pytest.mark.parametrize('place', [0.0, 6e3, 9e5])
 def test_level_ground_has_no_end(place):
     """Slide a brick at 3 m/s, near the origin and far from it: it goes as far, v²/2μg."""
@@ -61,19 +51,6 @@ def test_level_ground_has_no_end(place):
             world.step(DT)
         way = world.poses([body])[0, 0] - place
         assert way == pytest.approx(9.0 / (2.0 * FRICTION * G), rel=0.03)
-
-
-@steps
-def test_bricks_slide_above_the_friction_angle_only(dt):
-    """Tilt gravity to 3 % below and above the coefficient of friction for a second."""
-    for share in (0.97, 1.03):
-        angle = np.arctan(share * FRICTION)
-        free = max(0.5 * G * (np.sin(angle) - FRICTION * np.cos(angle)), 0.0)
-        with World((G * np.sin(angle), 0.0, -G * np.cos(angle)), engine='bullet') as world:
-            brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]))
-            for _ in range(round(1 / dt)):
-                world.step(dt)
-            assert world.poses([brick])[0, 0] == pytest.approx(free, rel=0.1, abs=1e-3)
 
 
 @steps

@@ -208,19 +208,6 @@ def test_debris_comes_to_rest_on_something(fallen):
     assert simulation.poses[:, 2].max() < 0.8  # nothing hangs in the air
 
 
-def test_same_fall_twice_and_after_reset():
-    """Repeat a fall bit by bit, in a new simulation and after a reset; ids do not grow."""
-    piece = tilted(wall(5, 6, ground=False))
-    first, second = fall(piece, 2.0, 0.75), fall(piece, 2.0, 0.75)
-    assert first.bonds_broken and np.array_equal(first.poses, second.poses)
-    steps = round(0.75 / first.time_step)
-    highest = first.state.carrier.max()
-    first.reset()
-    first.step(steps)
-    assert np.array_equal(first.poses, second.poses)
-    assert first.state.carrier.max() == highest
-
-
 def test_every_broken_bond_is_told_once(fallen):
     """Compare the events of a fall with the bonds that are gone."""
     simulation, _ = fallen

@@ -16,7 +16,7 @@
 
 import pickle
 
-from grown_trees import bush, effective_mass
+from grown_trees import bush
 from masonry_walls import bonded
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ import pytest
 from procphys_ros.blueprint import Blueprint, Shape, skeleton
 from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
-from procphys_ros.physics.touch import meet, meet_ground, overlaps, Partners, resolve
+from procphys_ros.physics.touch import meet, meet_ground, Partners, resolve
 from procphys_ros.scene import Scene
 from procphys_ros.simulation import Simulation, trees
 from procphys_ros.simulation.stages import STAGES
@@ -125,40 +125,6 @@ def test_momentum_is_accounted_for_in_every_contact(mass, speed):
     assert worst < 0.01 * np.linalg.norm(given)
 
 
-def test_a_heavy_block_takes_what_two_bodies_would_share():
-    """Slow a block by the mass that the bough shows there: m·v = (m + M)·v'."""
-    simulation = single(gallows())
-    forest = simulation.state.forest
-    top = 2.0 + 0.5 * float(simulation.blueprint.size[-1, 0])
-    body = drop(simulation, (1.7, 0.0, top + 0.1), 3.0, 0.2, (0.0, 0.0, -3.0))
-    point = np.array([1.7, 0.0, top])
-    row = int(np.argmin(np.linalg.norm(forest.poses[:, :3] - point, axis=1)))
-    shown = effective_mass(forest, row, point, np.array([0.0, 0.0, 1.0]))
-    simulation.step()
-    push = -simulation.state.contacts.impulse[:, 2].sum()
-    speed = 3.0 + 9.81 * _DT
-    assert push == pytest.approx(3.0 * speed * shown / (3.0 + shown), rel=0.01)
-    assert simulation.state.world.bodies.velocities[body, 2] == pytest.approx(
-        push / 3.0 - speed, rel=0.01)
-
-
-def test_a_falling_branch_is_thrown_off_its_way():
-    """Deflect a thin branch that falls on a bough, which swings down in turn."""
-    simulation = single(gallows(radius=0.03))
-    pose = np.array([1.5, 0.5, 3.0, np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # along y
-    body = simulation.state.world.add_body(Shape.CAPSULE, np.array([0.06, 0.06, 1.6]), 3.0, pose)
-    simulation.step(20)
-    assert not len(simulation.state.contacts)
-    lowest, fastest = 0.0, 0.0
-    state = simulation.state.world.bodies
-    for _ in range(40):
-        simulation.step()
-        fastest = max(fastest, abs(float(state.velocities[body, 3])))
-        lowest = min(lowest, float((simulation.poses - simulation.blueprint.poses)[-1, 2]))
-    assert lowest < -0.01
-    assert fastest > 0.5  # it tips over the bough
-
-
 def test_a_tree_felled_onto_another_comes_to_rest():
     """Cut a tree beside another: it ends up lower, still and above the ground."""
     scene = Scene()
@@ -200,17 +166,6 @@ def test_crowns_that_hit_the_ground_hardly_sink_in():
         deepest = max(deepest, -lowest[forest.active].min(initial=0.0))
     assert fastest > 8.0
     assert deepest < min(fastest / 60.0, 0.1)
-
-
-def test_a_heavy_fall_breaks_what_is_below():
-    """Break a weak bough under a heavy block, not under a light one."""
-    def broken(mass: float) -> int:
-        simulation = single(gallows(strength=4e7))
-        drop(simulation, (1.6, 0.0, 3.5), mass)
-        simulation.step(60)
-        return simulation.bonds_broken
-    assert broken(0.3) == 0
-    assert broken(150.0) > 0
 
 
 def test_branches_do_not_pass_through_a_wall():
@@ -300,21 +255,6 @@ def test_nothing_changes_where_nothing_touches():
     assert np.array_equal(run(True), run(False))
 
 
-def test_contacts_repeat_and_reset_to_the_bit():
-    """Repeat a run with contacts bit for bit, after a reset as well."""
-    simulation = single(gallows(strength=3e7))
-
-    def run() -> np.ndarray:
-        for i in range(4):
-            drop(simulation, (0.8 + 0.3 * i, 0.05 * i, 2.5 + 0.2 * i), 10.0 * i + 1.0)
-        simulation.step(150)
-        return simulation.poses.copy()
-    first = run()
-    simulation.reset()
-    assert np.array_equal(simulation.poses, simulation.blueprint.poses)
-    assert np.array_equal(first, run())
-
-
 def test_a_body_meets_a_tree_that_stands_still_unseen():
     """Hit a tree out of view, whose bounds are not renewed, as hard as one in view."""
     def push(culling: dict) -> np.ndarray:
@@ -347,20 +287,6 @@ def test_bodies_that_come_and_go_leave_nothing_behind():
         simulation.state.world.remove(np.array([body]))
         kept.append(len(pickle.dumps(simulation.state.tree_bounds)))
     assert kept[-1] == kept[0]
-
-
-def test_the_sweep_lists_every_pair_of_overlapping_boxes():
-    """Agree with testing all pairs."""
-    rng = np.random.default_rng(0)
-    boxes = []
-    for count in (40, 70):
-        low = rng.uniform(-3.0, 3.0, (count, 3))
-        boxes.append(np.hstack([low, low + rng.uniform(0.1, 1.5, (count, 3))]))
-    a, b = boxes
-    every = ((a[:, None, :3] <= b[None, :, 3:]) & (a[:, None, 3:] >= b[None, :, :3])).all(axis=2)
-    found = np.zeros_like(every)
-    found[overlaps(a, b)] = True
-    assert every.any() and np.array_equal(found, every)
 
 
 def test_the_nearest_point_of_a_box_is_found():

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 from test_collapse import tilted
 
-from procphys_ros.errors import CommandError, SceneError
+from procphys_ros.errors import CommandError
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.simulation import Simulation
@@ -173,16 +173,6 @@ def test_culling_off_changes_nothing_and_on_repeats_itself():
         simulation.step(60)
     assert np.array_equal(plain.poses, off.poses)
     assert np.array_equal(twice[0].poses, twice[1].poses)
-
-
-@pytest.mark.parametrize(('key', 'value'), [
-    ('distance', -1.0), ('frustum', 3), ('field_of_view', 9.0), ('far_interval', 0),
-    ('widening', float('nan')), ('sleepy', True),
-])
-def test_bad_settings_are_named(key, value):
-    """Name the key of a setting that cannot be."""
-    with pytest.raises(SceneError, match=f'culling.{key}'):
-        stand(**{key: value})
 
 
 def test_a_bad_observer_is_refused():

@@ -18,7 +18,6 @@ import numpy as np
 from PIL import Image
 import pytest
 
-from procphys_ros.errors import SceneError
 from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.air import AIR_VISCOSITY
 from procphys_ros.physics.causes import Cause
@@ -298,16 +297,6 @@ def test_standing_and_resting_things_do_not_smoke():
     assert total_mass(cloud) <= before * (1.0 + 1e-9)
 
 
-def test_reset_clears_the_air():
-    """Have no dust after a reset, and the same dust again after the same commands."""
-    simulation = fallen(2.0)
-    assert len(simulation.dust.ages) > 0
-    simulation.reset()
-    assert len(simulation.dust.ages) == 0
-    simulation.step(5)
-    assert len(simulation.dust.ages) == 0
-
-
 def test_switched_off_dust_changes_nothing():
     """Expect the same poses with and without dust, and no puffs without."""
     runs = []
@@ -352,19 +341,6 @@ def test_dust_hides_what_is_behind_it(tmp_path):
     rows, columns = np.nonzero(changed)
     assert 20 < changed.sum() < 0.1 * changed.size
     assert columns.max() < 80 and np.ptp(rows) < 30
-
-
-@pytest.mark.parametrize(('group', 'words'), [
-    ({'capacity': 0}, ['dust.capacity', '1 to 1e+06']),
-    ({'capacity': 2.5}, ['dust.capacity', 'whole number']),
-    ({'enabled': 'yes'}, ['dust.enabled', 'true or false']),
-    ({'size': 3}, ['dust.size', 'capacity']),
-])
-def test_bad_settings_are_named(group, words):
-    """Say which key is wrong and what is allowed."""
-    with pytest.raises(SceneError) as caught:
-        read_settings({'dust': group})
-    assert all(word in str(caught.value) for word in words)
 
 
 HOUSE = np.array([[-3.0, -2.0, 0.0, 3.0, 2.0, 5.0]])

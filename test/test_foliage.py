@@ -20,7 +20,6 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import Leaves
-from procphys_ros.errors import SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.air import FOLIAGE_DRAG
@@ -330,28 +329,6 @@ def test_fallen_leaves_come_down_and_stay():
     assert rotation.rotate(poses[:, 3:], UP)[:, 2] == pytest.approx(0.0, abs=1e-9)
     simulation.step(60)
     assert np.array_equal(simulation.leaf_poses()[fallen.leaf], poses)
-
-
-def test_the_same_seed_sheds_the_same_leaves():
-    """Repeat a gale bit for bit, and lose other leaves with another seed."""
-    runs = []
-    for seed in (4, 4, 5):
-        simulation = simulate(35.0, seed=seed)
-        simulation.step(60)
-        runs.append(simulation.leaf_poses())
-    assert np.array_equal(runs[0], runs[1]) and not np.array_equal(runs[0], runs[2])
-
-
-@pytest.mark.parametrize(('group', 'words'), [
-    ({'shedding_speed': 0.0}, ['leaves.shedding_speed', '0.5']),
-    ({'flutter': 1}, ['leaves.flutter', 'true or false']),
-    ({'fluter': True}, ['leaves.fluter', 'flutter']),
-])
-def test_bad_settings_are_named(group, words):
-    """Say which key is wrong and what is allowed."""
-    with pytest.raises(SceneError) as caught:
-        read_settings({'leaves': group})
-    assert all(word in str(caught.value) for word in words)
 
 
 @pytest.mark.parametrize('exponent', [-0.5, -1.0, -1.3])

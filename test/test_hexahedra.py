@@ -32,9 +32,8 @@ from procphys_ros.appearance.mesh import solids as meshes
 from procphys_ros.blueprint import Blueprint, box_inertia, chain, GROUND, Hexahedra, Shape
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.hexahedron import box_corners, faces, inset, solids
-from procphys_ros.physics.masonry import BondGraph, Fracture, StressSolver
 from procphys_ros.physics.world import installed_engines, rigid_sum, World
-from procphys_ros.wallgrammar.polygons import meet, moments
+from procphys_ros.wallgrammar.polygons import meet
 
 DENSITY = 2000.0  # [kg/m³]
 
@@ -128,27 +127,6 @@ def test_contact_polygons_have_their_own_moments():
     np.testing.assert_allclose(octagon * found.extent[0] ** 2 / 12.0, second, rtol=1e-9)
     np.testing.assert_allclose(found.pose[:, 2], [0.2005, 0.0], atol=1e-9)
     np.testing.assert_allclose(found.gap, [0.001, 0.0], atol=1e-9)
-
-
-def test_moments_of_a_triangle():
-    """Compare with the closed form: b·h³/36 and h·b³/48 of an isosceles one."""
-    area, middle, second = moments(np.array([[-0.15, 0.0], [0.15, 0.0], [0.0, 0.2]]))
-    np.testing.assert_allclose([area, *middle], [0.03, 0.0, 0.2 / 3.0], atol=1e-12)
-    np.testing.assert_allclose(second, np.diag([0.2 * 0.3 ** 3 / 48.0, 0.3 * 0.2 ** 3 / 36.0]),
-                               atol=1e-12)
-
-
-@pytest.mark.parametrize('count', [12, 24, 48])
-def test_dry_arches_of_voussoirs_stand_down_to_limit_analysis(count):
-    """Stand 3 % above the least t/R of a semicircle (Heyman: 0.1075), and fall 3 % below."""
-    least = {12: 0.1052, 24: 0.1067, 48: 0.1073}[count]  # linear programming, decision 10
-    for share, holds in ((1.03, True), (0.97, False)):
-        plan = stones(voussoirs(count, share * least), tension=0.0, cohesion=0.0)
-        assert len(plan.bonds) == count + 1
-        cracking = Fracture(StressSolver(BondGraph(plan)))
-        cracking.advance(6000)
-        assert cracking.stable
-        assert bool(cracking.solver.supported.all()) == holds
 
 
 @pytest.mark.parametrize('engine', installed_engines())

@@ -102,20 +102,6 @@ def test_a_loose_arch_stands_down_to_its_least_thickness(engine):
 
 
 @engines
-def test_many_posts_carry_a_slab(engine):
-    """Put 3 t on 49 loose posts of two bricks each: they stand, and none is squeezed away."""
-    grid = 0.3 * np.stack(np.meshgrid(np.arange(7), np.arange(7)), axis=-1).reshape(-1, 2)
-    heading = np.random.default_rng(0).uniform(0.0, np.pi, 2 * len(grid))
-    with World(engine=engine) as world:
-        for k, place in enumerate(np.repeat(grid, 2, axis=0)):
-            turn = rotation.from_axis_angle(np.array([0, 0, 1.0]), heading[k])
-            world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(*place, 0.033 + 0.066 * (k % 2), turn))
-        slab = world.add_body(Shape.BOX, [2.2, 2.2, 0.2], 3000.0, at(0.9, 0.9, 0.242))
-        rest(world, 5.0)
-        assert world.poses([slab])[0, 2] == pytest.approx(0.1 + 2 * BRICK[2], abs=0.003)
-
-
-@engines
 def test_a_ball_rolls_to_a_stop(engine):
     """Roll a ball at 1 m/s: v² / 2a with a = 5/7 g · lever / r, and no boxes are held by it."""
     radius, speed = 0.1, 1.0
@@ -130,14 +116,13 @@ def test_a_ball_rolls_to_a_stop(engine):
 
 @engines
 def test_settled_rubble_hardly_overlaps(engine):
-    """Drop 150 bricks: they lie still before 10 s are over, and overlap by 1 cm at most."""
+    """Drop 150 bricks: still within seconds, as high with any engine, overlaps of 1 cm at most."""
     with World(engine=engine) as world:
-        ids = heap(world, 0, 5, 150)
-        for _ in range(600):
-            world.step(DT)
-            if not len(world.awake):
-                break
-        assert (world.bodies.state[ids] == BodyState.RESTING).all()
+        ids = heap(world, 1, 5, 150)
+        rest(world, 10.0 if engine == 'bullet' else 6.0)
+        height = world.poses(ids)[:, 2]
+        assert height.mean() == pytest.approx(0.192, rel=0.03)  # with PyBullet 0.193 m
+        assert height.max() == pytest.approx(0.354, rel=0.03)
         world.thaw(np.array(ids))
         world.step(1e-4)
         assert world.contacts().distance.min() > -0.01
@@ -350,43 +335,6 @@ def test_small_fast_projectile_does_not_tunnel(speed, engine):
         np.testing.assert_array_equal(world.poses(ids), before)
 
 
-@engines
-def test_contact_impulse_is_the_change_of_momentum(engine):
-    """Throw 50 kg at a wall that stands: the impulses add up to m Δv within 1 %."""
-    with World(gravity=(0, 0, 0), engine=engine) as world:
-        wall(world)
-        ball = world.add_projectile(Shape.CAPSULE, np.full(3, 0.3), 50.0, at(0.03, -0.5, 0.5),
-                                    [1.0, 8.0, 0.5, 0, 0, 0], restitution=0.0)
-        given = np.zeros(3)
-        for _ in range(30):
-            world.step(DT)
-            others, _, impulse = world.contacts().on(ball)
-            given += impulse.sum(axis=0)
-            assert (world.bodies.state[others] == BodyState.FIXED).all()
-        change = 50.0 * (world.velocities([ball])[0, :3] - [1.0, 8.0, 0.5])
-        assert change[1] < -390.0
-        np.testing.assert_allclose(given, change, atol=0.01 * np.linalg.norm(change))
-
-
-@engines
-def test_collision_of_loose_bodies_keeps_momentum(engine):
-    """Let two tumbling boxes collide in empty space."""
-    with World(gravity=(0, 0, 0), engine=engine) as world:
-        ids = np.array([
-            world.add_projectile(Shape.BOX, [0.5, 0.4, 0.3], 30.0, at(0, 0, 5),
-                                 [3, 0, 0, 0, 1, 2], restitution=0.2),
-            world.add_projectile(Shape.BOX, [0.3, 0.3, 0.6], 12.0, at(1.2, 0.1, 5.1),
-                                 [-2, 0.1, 0, 1, 0, 0], restitution=0.2)])
-        mass = world.bodies.mass[ids]
-        before = mass @ world.velocities(ids)[:, :3]
-        touched = 0
-        for _ in range(60):
-            world.step(DT)
-            touched += len(world.contacts())
-        assert touched > 0
-        np.testing.assert_allclose(mass @ world.velocities(ids)[:, :3], before, atol=1e-9)
-
-
 @pytest.mark.parametrize('speed', [2.0, 40.0])
 @engines
 def test_the_ground_gives_what_a_fall_loses(speed, engine):
@@ -500,34 +448,6 @@ def test_dominoes_that_sleep_all_fall():
 
 
 @engines
-def test_what_slides_into_a_sleeping_equal_shares_its_momentum(engine):
-    """Slide a brick at 0.77 m/s into one that rests on ice: momentum is kept within 5 %."""
-    with World(friction=0.0, engine=engine) as world:
-        target = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.5, 0, 0.5 * BRICK[2]),
-                                friction=0.0)
-        rest(world)
-        brick = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.2, 0, 0.5 * BRICK[2]),
-                               [0.77, 0, 0, 0, 0, 0], friction=0.0)
-        run(world, 0.5)
-        speed = world.velocities([brick, target])[:, 0]
-        assert speed.sum() == pytest.approx(0.77, rel=0.05) and speed[1] > 0.3
-
-
-@engines
-def test_a_brick_that_slides_into_a_sleeping_one_moves_it(engine):
-    """Slide a brick at 0.77 m/s on the ground into an equal one that rests: both slide on."""
-    with World(engine=engine) as world:
-        target = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.2205, 0, 0.5 * BRICK[2]))
-        rest(world)
-        world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.5 * BRICK[2]),
-                       [0.77, 0, 0, 0, 0, 0])
-        run(world, 1.0)
-        speed = np.sqrt(0.77 ** 2 - 2.0 * FRICTION * G * 0.0055)
-        way = (0.5 * speed) ** 2 / (2.0 * FRICTION * G)  # both at half the speed, where they meet
-        assert world.poses([target])[0, 0] - 0.2205 == pytest.approx(way, rel=0.3)
-
-
-@engines
 def test_a_blow_goes_through_a_row_that_sleeps(engine):
     """Push a brick at 2 m/s into five on ice, 1 mm apart: none of them is a wall for a step."""
     with World(friction=0.0, engine=engine) as world:
@@ -616,20 +536,6 @@ def test_taking_away_one_of_the_supports_wakes(engine, how):
             world.set_poses(low[-1:], world.poses(low[-1:]) + [1.0, 1.0, 0, 0, 0, 0, 0])
         run(world, 2.0)
         assert np.linalg.norm(world.poses([slab])[0, 3:5]) > 0.02
-
-
-@pytest.mark.parametrize(('share', 'slides'), [(0.99, False), (1.01, True)])
-def test_a_slope_at_the_limit_of_friction(share, slides):
-    """Lay a brick on a slope 1 % too steep: it starts slowly, yet never falls asleep."""
-    angle = np.arctan(share * FRICTION)
-    with World((G * np.sin(angle), 0.0, -G * np.cos(angle)), engine='native') as world:
-        brick = column(world, 0.0, 1)
-        run(world, 2.0)
-        free = 2.0 * G * (np.sin(angle) - FRICTION * np.cos(angle))
-        if slides:
-            assert world.poses(brick)[0, 0] == pytest.approx(free, rel=0.1)
-        else:
-            assert asleep(world, brick) and abs(world.poses(brick)[0, 0]) < 1e-3
 
 
 @engines

@@ -361,12 +361,6 @@ def test_shipped_grammars_hold_no_slips(path, recwarn):
     assert not list(recwarn)
 
 
-def test_missing_file(tmp_path):
-    """Say which file cannot be read."""
-    with pytest.raises(GrammarError, match='cannot read the grammar'):
-        LSystem.load(tmp_path / 'no.lsys')
-
-
 @pytest.mark.parametrize('value', [None, 3, b'oak.lsys', ['oak.lsys']])
 @pytest.mark.parametrize('load', [LSystem.load, WallGrammar.load, Scene.from_yaml])
 def test_what_is_no_path(load, value):

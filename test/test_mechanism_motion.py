@@ -138,18 +138,6 @@ def test_a_chain_hangs_as_a_catenary(links=40, link=0.1, slope=0.1):
     assert forces(simulation)[0] == pytest.approx(pull, rel=0.01)
 
 
-def test_the_tension_of_a_chain_is_the_weight_below():
-    """Hang half a ton on ten links of a kilogram together."""
-    simulation = simulate('link(10) { at: 0, 0, 3 }', """
-        rule link(n) : n > 0 -> { rod link { from: 0, 0, 0  to: 0, 0, -0.1  diameter: 0.02
-            ball { at: 0, 0, 0 } }  link(n - 1) { at: 0, 0, -0.1  on: link } }
-        rule link(n) -> { ball weight { diameter: 0.3  mass: 500  ball { at: 0, 0, 0 } } }""")
-    simulation.step(30)
-    mass, pull = simulation.blueprint.mass, forces(simulation)
-    assert pull[0] == pytest.approx(mass.sum() * G, rel=1e-3)
-    assert pull[-1] == pytest.approx(500.0 * G, rel=1e-3)
-
-
 def test_a_motor_does_the_work_that_it_is_told_to_do():
     """Lift a weight at a speed, hold it at a height, and spin a wheel up by a moment."""
     simulation = simulate('box load { size: 0.2, 0.2, 0.2  mass: 10  at: 0, 0, 2'

@@ -247,26 +247,6 @@ def test_a_stem_that_falls_on_a_roof_breaks_it():
     assert -0.01 < simulation.poses[14:, 2].min() < 1.0
 
 
-def test_stems_come_to_rest_on_each_other():
-    """Stack them crosswise on the ground: each lies on those below, for good."""
-    # Capsules in a row leave notches between their caps, and stems roll into them. Caps of 0.1 m
-    # touch with their centres 0.2 m apart: on a crest these are one over the other, and where
-    # notch lies in notch the height is sqrt(0.2² - 0.1² - 0.1²). The middle is between the
-    # supports.
-    stems = [(log(), (0.0, 8.0 * i, 0.0)) for i in range(4)]
-    simulation = scene_of(*stems)
-    for i, x in enumerate((4.5, 5.5)):
-        lay(simulation, f'thing_{i}', (x, 2.2, 0.12), _LYING)
-        lay(simulation, f'thing_{i + 2}', (3.2, 3.5 + i, 0.4), _ACROSS)
-    simulation.step(600)
-    assert is_still(simulation)
-    heights = [simulation.poses[10 * i + 1:10 * i + 10, 2] for i in range(4)]
-    for low in heights[:2]:
-        np.testing.assert_allclose(low, 0.1, atol=0.01)
-    for high in heights[2:]:
-        assert 0.1 + np.sqrt(0.02) - 0.01 < high.mean() < 0.1 + 0.2 + 0.01
-
-
 def test_a_heap_of_fallen_trees_comes_to_rest():
     """Drop five bushy crowns upon each other and on a wall between them."""
     tree = bush(24, seed=3, damping_ratio=0.2, strength=1e12)

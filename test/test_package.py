@@ -15,6 +15,7 @@
 """The house in order: layers import downwards only, files stay small, nothing is left out."""
 
 import ast
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 import pkgutil
@@ -69,22 +70,29 @@ def layer_name(module: str) -> str:
     return '.'.join(parts[:depth])
 
 
+def nodes(path: Path) -> Iterator[ast.AST]:
+    """Yield all nodes of a file."""
+    yield from ast.walk(ast.parse(path.read_text('utf-8')))
+
+
 @cache
-def nodes(path: Path) -> list[ast.AST]:
-    """List all nodes of a file."""
-    return list(ast.walk(ast.parse(path.read_text('utf-8'))))
+def named(path: Path) -> tuple[set[str], list[tuple[str, int]]]:
+    """List what a file imports, wherever in it, and its classes with their lines."""
+    imported, classes = set(), []
+    for node in nodes(path):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f'{path} imports relatively'
+            imported |= {f'{node.module}.{alias.name}' for alias in node.names}
+        elif isinstance(node, ast.ClassDef):
+            classes.append((node.name, node.lineno))
+    return imported, classes
 
 
 def imports(path: Path) -> set[str]:
     """List the dotted names that a file imports, wherever in it."""
-    found = set()
-    for node in nodes(path):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert not node.level, f'{path} imports relatively'
-            found |= {f'{node.module}.{alias.name}' for alias in node.names}
-    return found
+    return named(path)[0]
 
 
 def test_imports_go_downwards():
@@ -133,10 +141,8 @@ def test_no_two_classes_share_a_name():
     """Define each class name once in the package, nested classes too."""
     places: dict[str, list[str]] = {}
     for path in MODULES:
-        for node in nodes(path):
-            if isinstance(node, ast.ClassDef):
-                place = f'{path.relative_to(ROOT)}:{node.lineno}'
-                places.setdefault(node.name, []).append(place)
+        for name, line in named(path)[1]:
+            places.setdefault(name, []).append(f'{path.relative_to(ROOT)}:{line}')
     assert {name: found for name, found in places.items() if len(found) > 1} == {}
 
 

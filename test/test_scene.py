@@ -353,14 +353,6 @@ def test_names_of_no_grammar_are_refused_in_one_line(name, words):
     assert '\n' not in message and len(message) < 700
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason='root may search every folder')
-def test_a_folder_without_permission_is_reported(tmp_path):
-    """Name the reason, as the system gives it."""
-    (tmp_path / 'closed').mkdir(mode=0)
-    with pytest.raises(SceneError, match='Permission denied'):
-        load_grammar(str(tmp_path / 'closed' / 'oak.lsys'), 'tree.grammar')
-
-
 def test_a_folder_that_cannot_be_searched(monkeypatch, tmp_path):
     """Report what the system answers, whoever asks."""
     def refuse(path, **_):

@@ -57,14 +57,6 @@ def test_joint_stiffness_follows_beam_theory():
     assert np.allclose(stiffness, [2 * beam, beam, beam], rtol=1e-12)
 
 
-def test_unequal_halves_bend_in_series():
-    """Expect the flexibility of a joint to be the sum of its two half segments."""
-    width = np.array([0.1, 0.05])
-    branches = _branches(2, width=width, tip_width=width, modulus=np.array([8e9, 6e9]))
-    parts = 0.25 / (branches.modulus * np.pi * branches.width ** 4 / 64)
-    assert np.isclose(skeleton.build(branches).hinges.swing_stiffness[1], 1 / parts.sum())
-
-
 def test_tapered_halves_are_integrated():
     """Compare with a numerical integral of 1/(E·I) over the half segments beside a joint."""
     width, tip = np.array([0.1, 0.06]), np.array([0.06, 0.02])

@@ -28,6 +28,7 @@ import pytest
 from procphys_ros.blueprint import box_inertia, Shape
 from procphys_ros.errors import SceneError, SnapshotError
 from procphys_ros.files import archive
+from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.world import BodyState, installed_engines, rigid_sum, World
 from procphys_ros.physics.world import engine as engine_module
 from procphys_ros.physics.world.pieces import single
@@ -64,19 +65,26 @@ def resealed(data, old, new):
     return put_together(text.replace(old, new), rest)
 
 
-def busy(seconds=0.5, engine='auto'):
-    """Simulate a wall and two trees in a storm while a ball flies and a charge has gone off."""
-    scene = Scene(Settings(seed=3, engine=engine))
+def busy(seconds=0.5, engine='auto', seed=3):
+    """Simulate a wall and two trees in a storm while balls fly and a charge has gone off."""
+    scene = Scene(Settings(seed=seed, engine=engine))
     scene.add(wall(8, 10), (0.0, 0.0, 0.0), 0.0, 'wall')
     for i in range(2):
         scene.add(bush(40, seed=i, damping_ratio=0.1, strength=2e7), (3.0 + 2.0 * i, 1.0, 0.0),
                   0.0, f'tree_{i}')
-    simulation = Simulation(scene)
-    simulation.set_wind((18.0, 3.0, 0.0))
+    scene.add(LSystem.parse('axiom: !(0.08) F ~(0.2) F [ +(50) F ~(0.2) ] F ~(0.2) ').build(),
+              (8.0, 1.0, 0.0), 0.0, 'shrub')
+    return stirred(Simulation(scene), seconds)
+
+
+def stirred(simulation, seconds):
+    """Do to a simulation what there is to do, and let some time pass."""
+    simulation.set_wind((35.0, 3.0, 0.0))
     simulation.launch(Projectile('sphere', 0.3, 40.0, (0.9, -3.0, 0.4), (0.0, 25.0, 0.0)))
     simulation.explode((0.5, -4.0, 0.5), 2.0)
     simulation.gust()
     simulation.apply_wrench('tree_1/3', (20.0, 0.0, 0.0))
+    simulation.apply_impulse('tree_0/20', (150.0, 0.0, 0.0))
     simulation.step(round(60 * seconds))
     return simulation
 
@@ -120,6 +128,23 @@ def test_saving_and_forking_change_nothing_with_native():
         run.step(15)
     assert_same(saved, never)
     assert_same(fork, never)
+
+
+def test_a_reset_begins_anew_and_repeats_the_run():
+    """Find the scene as it was built after a reset, and then all as it was, to the bit."""
+    simulation, first = busy(), busy()
+    broken = np.unique(first.events['part_b'])
+    assert {first.names.name(part).partition('/')[0] for part in broken} >= {'wall', 'tree_0'}
+    assert len(first.dust.ages) and len(first.state.missiles)
+    bodies = first.state.carrier.max()
+    simulation.reset()
+    assert (simulation.time, simulation.bonds_broken, len(simulation.dust.ages)) == (0.0, 0, 0)
+    assert len(simulation.poses) == len(simulation.scene.blueprint)
+    assert simulation.exists.all()
+    np.testing.assert_array_equal(simulation.poses, simulation.blueprint.poses)
+    assert_same(stirred(simulation, 0.5), first)
+    assert simulation.state.carrier.max() == bodies
+    assert not np.array_equal(busy(0.1, seed=4).poses, busy(0.1).poses)
 
 
 def test_constants_are_not_saved():

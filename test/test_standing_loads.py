@@ -23,12 +23,11 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import GROUND
-from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.physics.masonry.standing_loads import StandingLoads
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, impacts, Owner, Simulation
+from procphys_ros.simulation import Cause, Owner, Simulation
 from procphys_ros.simulation.readings import describe_load, load_of
 from procphys_ros.simulation.wall_loads import DEBRIS_LAYER
 from procphys_ros.wallgrammar import WallGrammar
@@ -192,13 +191,6 @@ def loaded(*objects):
     return Simulation(scene).warnings
 
 
-def test_sound_scenes_say_nothing(caplog):
-    """Place two walls beside each other."""
-    with caplog.at_level(logging.WARNING):
-        assert loaded(('one', wall(4, 4), (0, 0, 0)), ('two', wall(4, 4), (0, 1, 0))) == ()
-    assert not caplog.records
-
-
 def test_a_building_that_cracks_under_its_weight_is_named(caplog):
     """Span 2 m in poor mortar: the log has name, numbers and place of the first crack."""
     plan = WallGrammar.parse(_SPAN).build()
@@ -266,18 +258,6 @@ def test_dry_joints_that_only_open_are_no_failure():
     dry = WallGrammar.parse(_SPAN.replace('~1: gap', '~1: plain').replace(
         'tension: 0.02e6  cohesion: 0.02e6', 'tension: 0  cohesion: 0')).build()
     assert loaded(('dry', dry, (0, 0, 0))) == ()
-
-
-def test_what_is_put_above_the_ground_is_told_and_falls():
-    """Put a shed half a metre up in a scene file: the ground is at z = 0, and does not hold it."""
-    scene = Scene.from_parameters({'scene': {'objects': ['shed']}, 'shed': {
-        'grammar_text': _SPAN, 'origin': [0.0, 0.0, 0.5]}})
-    simulation = Simulation(scene)
-    line = simulation.warnings[0]
-    assert line.startswith('shed stands 0.51 m above the ground, so nothing holds it')
-    start = simulation.poses[:, 2].max()
-    simulation.step(25)
-    assert simulation.poses[:, 2].max() < start - 0.3
 
 
 def test_what_a_program_puts_above_the_ground_falls_too():
@@ -362,22 +342,6 @@ def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, b
     assert (middle != tooth) == breaks
 
 
-def test_what_is_pressed_breaks_whatever_room_there_is():
-    """Break small pieces under lasting forces into a cell per part, and large ones into sixty."""
-    blows = [PieceBlow(0, np.arange(n), None, np.inf) for n in (1000, 15, 5)]
-    assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
-    assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
-
-
-def test_lumps_break_whatever_room_there_is():
-    """Break lumps into some cells without room for more bodies, huge ones into grains."""
-    blows = [PieceBlow(0, np.arange(count), None, 0.0)
-             for count in (1000, 300, 200, 90, 30)]
-    assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
-    assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2
-    assert impacts._cells(blows[2:], 60, 10.0)[0] > 10
-
-
 @pytest.mark.parametrize('engine', ['native', 'bullet'])
 def test_what_falls_asleep_on_masonry_presses_no_more_than_before(engine):
     """Set a block down on a pier, which bears its weight from then on, as long as it sleeps."""
@@ -411,16 +375,6 @@ def simulation():
     made.launch(Projectile(size=0.4, position=(-20.0, 0.0, 0.2), velocity=(0.0, 0.0, 0.0)))
     made.step(30)
     return made
-
-
-def test_a_trunk_carries_all_that_stands_on_it(simulation):
-    """Find the whole weight at the foot, a tenth of it at the top, and no bending."""
-    parts = np.arange(10)
-    weights = GRAVITY * simulation.blueprint.mass[parts]
-    for part in (0, 4, 9):
-        load = load_of(simulation.state, part)
-        np.testing.assert_allclose(load.force, weights[part:].sum(), rtol=1e-3)
-        assert load.share < 1e-3
 
 
 def test_a_bent_trunk_is_loaded_by_the_stress_in_its_fibres(simulation):
@@ -487,17 +441,6 @@ def test_a_sleeping_tree_carries_its_weight():
     assert resting.state.trees.lod.asleep.all()
     np.testing.assert_allclose(resting.load(0).force, GRAVITY * resting.blueprint.mass.sum(),
                                rtol=1e-6)
-
-
-def test_the_bricks_at_the_foot_carry_the_pier(simulation):
-    """Find the weight above in the bonds of the bottom course, shared by its two bricks."""
-    pier = simulation.objects[1]
-    parts = np.arange(pier.first, pier.first + pier.count)
-    weight = GRAVITY * simulation.blueprint.mass[parts].sum()
-    foot = parts[np.argsort(simulation.blueprint.poses[parts, 2])[:2]]
-    loads = [load_of(simulation.state, int(part)) for part in foot]
-    np.testing.assert_allclose(sum(load.force for load in loads), weight, rtol=0.02)
-    assert all(0.0 < load.share < 0.1 for load in loads)
 
 
 def test_loads_are_said_in_one_line(simulation):

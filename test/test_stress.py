@@ -19,14 +19,14 @@ from pathlib import Path
 from masonry_walls import blueprint, bonded, building, DENSITY, wall, wall_boxes
 import numpy as np
 import pytest
-from scipy.sparse import block_diag, bsr_matrix, csc_matrix
+from scipy.sparse import bsr_matrix, csc_matrix
 from scipy.sparse.linalg import spsolve
 
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import BondGraph, StressSolver
 from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
-from procphys_ros.physics.masonry.factor import clear, Factor, solve
+from procphys_ros.physics.masonry.factor import Factor, solve
 from procphys_ros.physics.masonry.links import add_pulls
 from procphys_ros.wallgrammar import WallGrammar
 
@@ -92,15 +92,6 @@ def dense_stiffness(plan):
     return matrix[:6 * count, :6 * count]
 
 
-def test_column_carries_exactly_the_weight_above():
-    """Load every bed of a stack of unlike masses with what lies on it."""
-    masses = np.array([9.0, 1.0, 30.0, 0.5, 4.0])
-    solver = solved(stack(masses))
-    above = np.cumsum(masses[::-1])[::-1] * G
-    order = np.argsort(solver.graph.centroid[:, 2])
-    np.testing.assert_allclose(solver.wrenches()[order, 2], -above, rtol=1e-7)
-
-
 @pytest.mark.report('laws')
 def test_cantilever_root_moment_and_deflection(measured):
     """Bend a row of bricks by its weight: M at each joint and the tip of the spring chain."""
@@ -149,19 +140,6 @@ def test_free_standing_wall_cracks_at_the_closed_form_acceleration(tension, expe
     assert plan.bond_frame[share.argmax(), 2] == 0.0  # at the foot
 
 
-def test_supports_share_by_stiffness_times_area():
-    """Split the load of a beam that stays level over two feet as their areas, 1 to 3."""
-    plan = bonded([[-0.2, 0.0, 0.05], [0.2, 0.0, 0.05], [0.0, 0.0, 0.15]],
-                  [[0.1, 0.1, 0.098], [0.1, 0.3, 0.098], [0.6, 0.4, 0.098]], gap=0.003)
-    solver = solved(plan, 1e-8, (0, 0, 0), force=[[0, 0, 0], [0, 0, 0], [0, 0, -1000.0]],
-                    moment=[[0, 0, 0], [0, 0, 0], [0, 100.0, 0]])
-    graph = solver.graph
-    top = np.flatnonzero((graph.first < 3) & (graph.second == 2))
-    load = -solver.wrenches()[top, 2][np.argsort(graph.area[top])]
-    np.testing.assert_allclose(load, [250.0, 750.0], rtol=1e-6)
-    assert abs(solver.displacement[2, 4]) < 1e-9 * abs(solver.displacement[2, 2])
-
-
 @pytest.mark.report('convergence')
 def test_displacements_match_a_direct_solver_on_a_random_graph(measured):
     """Solve 300 randomly tied parts under random loads as scipy's sparse solver does."""
@@ -183,23 +161,6 @@ def test_displacements_match_a_direct_solver_on_a_random_graph(measured):
     measured.curve('Masonry: iterations of the stress solver', '300 tied parts',
                    5 * np.arange(1, 31), errors, ('iterations', 'relative error'),
                    ('linear', 'log'))
-
-
-def test_ground_reactions_balance_all_loads():
-    """Hold a wall under weight and wind by ground forces of the same sum and moment."""
-    plan = wall(10, 12)
-    wind = np.tile([3.0, 8.0, 0.0], (len(plan), 1))
-    solver = solved(plan, force=wind)
-    graph = solver.graph
-    feet = graph.grounded()
-    wrench = np.einsum('kij,kaj->kai', graph.axes[feet], solver.wrenches()[feet].reshape(-1, 2, 3))
-    force, moment = wrench[:, 0], wrench[:, 1]
-    sign = np.where(graph.first[feet] == graph.count, -1.0, 1.0)[:, None]  # ground on the parts
-    load = wind + plan.mass[:, None] * [0, 0, -G]
-    np.testing.assert_allclose((sign * force).sum(axis=0), -load.sum(axis=0), atol=1e-3)
-    turning = sign * (np.cross(graph.centroid[feet], force) + moment)
-    np.testing.assert_allclose(turning.sum(axis=0),
-                               -np.cross(graph.centre, load).sum(axis=0), atol=1e-3)
 
 
 def test_converged_means_every_part_is_in_balance():
@@ -232,26 +193,6 @@ def test_resuming_in_small_pieces_gives_the_same_answer():
         pieces.iterate(3)
     assert pieces.spent == whole.spent
     np.testing.assert_array_equal(pieces.displacement, whole.displacement)
-
-
-def test_warm_start_after_cuts_equals_cold_solution():
-    """Cut bonds and remove bricks of a solved wall; compare with a wall solved without them."""
-    plan = wall(15, 20)
-    warm = solved(plan)
-    graph = warm.graph
-    parts = np.array([40, 41, 57])
-    warm.cut(warm.graph.neighbours(parts), dynamic_factor=1.0)
-    chosen = np.random.default_rng(3).choice(np.flatnonzero(graph.alive), 12, replace=False)
-    warm.cut(chosen)
-    spent = warm.spent
-    warm.iterate(5000)
-    assert warm.converged and warm.spent > spent
-    cold = StressSolver(BondGraph(plan), tolerance=TIGHT)
-    cold.cut(np.flatnonzero(~graph.alive))
-    cold.iterate(5000)
-    scale = np.abs(cold.wrenches()).max(axis=0)
-    assert np.abs(warm.wrenches() - cold.wrenches()).max() < 1e-4 * scale.max()
-    assert not np.any(warm.wrenches()[~graph.alive])
 
 
 def test_islands_without_ground_are_left_out():
@@ -444,16 +385,6 @@ def test_a_combination_of_known_loads_is_answered_at_once():
         assert answer(solver, np.tensordot(share, patterns, 1)) < 0.3 * min(first)
 
 
-def test_all_patterns_of_a_storm_are_known_at_once():
-    """Keep the answers to twenty patterns, as wind from many directions has."""
-    solver, _ = pushed(wall(9, 12))
-    patterns = np.random.default_rng(7).normal(scale=3.0, size=(20, solver.graph.count, 3))
-    first = [answer(solver, force) for force in patterns]
-    shares = np.random.default_rng(8).normal(size=(5, 20))
-    again = [answer(solver, np.tensordot(share, patterns, 1)) for share in shares]
-    assert max(again) < 0.5 * min(first)
-
-
 def test_the_answer_is_that_of_a_solver_that_knows_nothing():
     """Change nothing but the work by guessing, also after many loads and a restart."""
     plan = wall(15, 20)
@@ -527,13 +458,6 @@ def factored(system):
     return Factor(system.indptr, system.indices, system.data.copy())
 
 
-def reached(factor, unknowns):
-    """List the columns that have to do with some unknowns."""
-    columns, start = factor.reached(np.asarray(unknowns), np.array([0, len(unknowns)]))
-    assert start.tolist() == [0, len(columns)]
-    return columns
-
-
 def solved_for(factor, load, columns=None):
     """Solve for all unknowns, or those of some columns."""
     found = load.copy()
@@ -550,52 +474,6 @@ def test_it_solves_as_scipy_does(count, density):
     found = solved_for(factored(system), load)
     wanted = spsolve(system.tocsc(), load.ravel()).reshape(-1, 6)
     np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
-
-
-def test_the_solution_is_symmetric_in_double_precision():
-    """Keep a·S·b = b·S·a, which conjugate gradients rest on."""
-    factor = factored(matrix(40, 0.05, 2))
-    a, b = np.random.default_rng(3).normal(size=(2, 40, 6))
-    left = (a * solved_for(factor, b)).sum()
-    assert left == pytest.approx((b * solved_for(factor, a)).sum(), rel=1e-11)
-
-
-def test_an_island_is_solved_by_itself():
-    """Touch the unknowns of one island, and nothing of the other."""
-    both = bsr_matrix(block_diag([matrix(12, 0.3, 2), matrix(20, 0.2, 3)]), blocksize=(6, 6))
-    both.sort_indices()
-    factor = factored(both)
-    load = np.arange(1.0, 1.0 + 6 * 32).reshape(-1, 6)
-    found = solved_for(factor, load, reached(factor, np.arange(12)))
-    changed = np.flatnonzero(np.any(found != load, axis=1))
-    assert changed.tolist() == list(range(12))
-    np.testing.assert_allclose(found[changed], solved_for(factor, load)[changed])
-    clear(factor.panels, reached(factor, np.arange(12)), found)
-    assert not found[changed].any() and found[12:].all()
-
-
-def test_few_columns_have_to_do_with_few_unknowns():
-    """Solve for some unknowns of a chain as with all columns, where nothing else is loaded."""
-    chain = np.diag(np.full(60, 4.0)) - np.eye(60, k=1) - np.eye(60, k=-1)
-    factor = factored(bsr_matrix(np.kron(chain, np.eye(6)), blocksize=(6, 6)))
-    columns, start = factor.reached(np.array([30, 31, 7]), np.array([0, 2, 3]))
-    for begin, end, unknowns in zip(start, start[1:], ([30, 31], [7])):
-        load = np.zeros((60, 6))
-        load[unknowns] = 1.0
-        own = columns[begin:end]
-        assert len(own) < 40 and np.all(np.diff(own) > 0)
-        np.testing.assert_allclose(solved_for(factor, load, own)[unknowns],
-                                   solved_for(factor, load)[unknowns], rtol=1e-12)
-
-
-def test_what_nothing_holds_is_left_out():
-    """Expect a finite solution where a piece has come loose, and the right one elsewhere."""
-    spring = np.eye(6) * 1e9
-    free = np.block([[spring, -spring], [-spring, spring]])
-    system = bsr_matrix(block_diag([free, 2.0 * np.eye(6)]), blocksize=(6, 6))
-    found = solved_for(factored(system), np.ones((3, 6)))
-    assert np.all(np.isfinite(found)) and np.abs(found[:2]).max() < 1e-8
-    np.testing.assert_allclose(found[2], 0.5)
 
 
 def test_the_coarse_matrix_does_the_work_of_the_bonds():

@@ -846,12 +846,6 @@ def test_more_hours_and_softer_soil_wear_more():
     assert gone(soil='clay') < gone() < gone(soil='sand')
 
 
-def test_ground_without_erosion_is_as_before(monkeypatch):
-    """Compile and compute nothing where no rain fell."""
-    monkeypatch.setattr('procphys_ros.scene.terrain.erode', None)
-    assert drawn_hills(1).bounds() == (0.0, pytest.approx(8.0))
-
-
 def test_the_edge_stays_and_the_lowest_point_is_zero():
     """Keep the level edge of made-up hills."""
     worn = drawn_hills(1, erosion=100.0).heights

@@ -20,7 +20,7 @@ from grown_trees import beam, bush, LENGTH, RADIUS
 import numpy as np
 import pytest
 
-from procphys_ros.blueprint import Blueprint, box_inertia, chain, Law, Mortar, Shape, skeleton
+from procphys_ros.blueprint import Blueprint, chain, skeleton
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.causes import Cause
@@ -84,27 +84,6 @@ def test_twist_breaks_a_joint():
     assert causes.tolist() == [Cause.TWIST] and loads[0] == pytest.approx(55.0, rel=1e-6)
 
 
-def test_storm_breaks_thin_trees_first():
-    """Expect a gale to overload weak wood and to spare strong wood of the same shape."""
-    weak, strong = Forest(bush(strength=2e6)), Forest(bush(strength=2e9))
-    for _ in range(120):
-        weak.step(_DT, _wind(weak, 40.0))
-        strong.step(_DT, _wind(strong, 40.0))
-    assert len(weak.overloaded()[0]) > 0 and len(strong.overloaded()[0]) == 0
-
-
-def test_subtrees_are_contiguous():
-    """Expect rows [row, end) to be exactly the descendants of a row, parents first."""
-    forest = Forest(chain([bush(40, 1), bush(25, 2).placed((5, 0, 0))]))
-    for row in range(len(forest)):
-        inside = {row}
-        for i in range(len(forest)):
-            if forest.parents[i] in inside:
-                inside.add(i)
-        assert sorted(inside) == list(range(row, forest.ends[row]))
-        assert forest.parents[row] < row
-
-
 def test_detached_rows_leave_the_articulation():
     """Expect poses and velocities as they were, rows that stay put, and no more breaks there."""
     forest = Forest(bush(strength=1e5))
@@ -139,15 +118,6 @@ def _gallows() -> Blueprint:
     """Build a post that carries a bar on one side."""
     return skeleton.from_nodes([[0, 0, 0], [0, 0, 1], [1, 0, 1]], [-1, 0, 1], [0.03, 0.03, 0.03],
                                damping_ratio=0.3, modulus=1e9)
-
-
-def test_detaching_inside_what_is_left_takes_only_that():
-    """Expect a second break below the first to return the rows that were still there."""
-    forest = Forest(beam(10))
-    assert forest.detach(7)[0].tolist() == [7, 8, 9]
-    assert forest.detach(4)[0].tolist() == [4, 5, 6]
-    forest.step(_DT)
-    assert forest.active.tolist() == [True] * 4 + [False] * 6
 
 
 def test_released_rows_go_on_as_their_own_tree():
@@ -210,26 +180,6 @@ def test_rough_treatment_leaves_everything_finite():
         assert np.isfinite(forest.poses).all() and np.isfinite(forest.velocities).all()
     reach = np.linalg.norm(forest.poses[:, :3] - forest.poses[forest._plan.row[0], :3], axis=1)
     assert reach.max() < 120.0
-
-
-def test_other_parts_are_left_alone():
-    """Expect bricks and mortar in the same blueprint to be no rows, and bonds to stay named."""
-    box = np.array([[0.2, 0.1, 0.1]])
-    brick = Blueprint(
-        shape=np.array([Shape.BOX], np.uint8), size=box, visual_size=box,
-        density=np.array([1900.0]), mass=np.array([3.8]),
-        inertia=box_inertia(np.array([3.8]), box),
-        poses=np.array([[9.0, 0, 0.05, 0, 0, 0, 1]]), kind=np.zeros(1, np.int16),
-        material=np.zeros(1, np.int16), texture=np.zeros(1, np.int16), leaf_area=np.zeros(1),
-        bonds=np.array([[-1, 0]], np.int32), bond_law=np.array([Law.MORTAR], np.uint8),
-        bond_frame=np.array([[9.0, 0, 0, 0, 0, 0, 1]]), bond_extent=np.full((1, 2), 0.1),
-        bond_area=np.full(1, 0.01), mortar=Mortar(*(np.ones(1) for _ in range(6))),
-        kinds=('brick',), materials=('clay',), textures=('red',))
-    forest = Forest(chain([brick, beam(3), brick]))
-    assert forest.parts.tolist() == [1, 2, 3] and forest.bonds.tolist() == [1, 2, 3]
-    forest.step(_DT)
-    assert len(Forest(brick)) == 0
-    Forest(brick).step(_DT)
 
 
 def test_hinges_that_are_no_trees_are_refused():
@@ -384,35 +334,6 @@ def test_a_falling_branch_breaks_again_where_it_hits():
     assert run(1e12) == (0, 0)
     early, late = run(3e7)
     assert early == 0 and late > 0
-
-
-def test_a_landed_branch_thaws_when_it_is_struck():
-    """Freeze and thaw like all debris."""
-    simulation = stand()
-    simulation.state.forest.release(1)
-    simulation.step(500)
-    assert simulation.awake_bodies == 0
-    simulation.apply_impulse('bush/1', (300.0, 0.0, 0.0))
-    simulation.step(3)
-    assert simulation.awake_bodies == 1
-    while simulation.awake_bodies:
-        assert simulation.time < 20.0
-        simulation.step(5)
-
-
-def test_falls_repeat_to_the_bit():
-    """Fall the same way twice, also after a reset."""
-    simulation = stand(strength=3e7)
-    results = []
-    for _ in range(2):
-        simulation.apply_impulse('bush/10', (60.0, 0.0, 0.0))
-        simulation.step(20)
-        simulation.state.forest.release(1)
-        simulation.step(90)  # it lands after half a second
-        results.append(simulation.poses.copy())
-        simulation.reset()
-    assert np.array_equal(*results)
-    assert np.array_equal(simulation.poses, simulation.blueprint.poses)
 
 
 def test_no_more_branches_are_flexible_than_can_be_afforded():

@@ -217,15 +217,6 @@ def test_trees_know_their_masses():
     np.testing.assert_allclose(forest.masses(np.array([5, 44, row])), expected, rtol=1e-12)
 
 
-def test_effective_mass_of_a_loose_segment_is_its_mass():
-    """Expect a push through the centre of a free segment to meet just its mass."""
-    blueprint = beam(1)
-    forest = Forest(blueprint, air_density=0.0)
-    forest.release(0)
-    shown = effective_mass(forest, 0, forest.poses[0, :3], np.array([1.0, 0.0, 0.0]))
-    assert shown == pytest.approx(blueprint.mass[0], rel=1e-12)
-
-
 def _momentum(forest: Forest) -> np.ndarray:
     """Sum linear momentum and angular momentum about the origin, (6,)."""
     blocks = (_inertia(forest) @ forest.velocities.ravel()).reshape(-1, 6)
@@ -245,20 +236,6 @@ def test_released_tree_keeps_its_momentum():
         forest.step(_DT)
     assert np.allclose(_momentum(forest)[:3], start[:3], atol=1e-11)
     assert np.allclose(_momentum(forest)[3:], start[3:], atol=1e-3 * np.linalg.norm(start[3:]))
-
-
-def test_released_tree_falls_freely():
-    """Expect g·t²/2 for the centre of mass of a tree that is cut loose, exactly."""
-    blueprint = bush()
-    forest = Forest(blueprint, air_density=0.0)
-    share = blueprint.mass[forest.parts] / blueprint.mass.sum()
-    start = share @ forest.poses[:, :3]
-    forest.release(0)
-    for _ in range(60):
-        forest.step(_DT)
-    fallen = start - share @ forest.poses[:, :3]
-    assert np.allclose(share @ forest.velocities[:, :3], [0, 0, -9.81], atol=1e-10)
-    assert fallen[2] == pytest.approx(0.5 * 9.81, rel=2e-3)
 
 
 @pytest.mark.report('laws')

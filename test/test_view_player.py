@@ -292,16 +292,6 @@ def middle_of_wall(frame):
     return int(boxes[len(boxes) // 2])
 
 
-def test_a_ray_meets_the_nearest_part(frame):
-    """Meet the face of a brick, not its middle, and not what lies behind it."""
-    brick = middle_of_wall(frame)
-    place = frame.poses[brick, :3]
-    hit = pick(frame, place - 3.0 * NORTH, NORTH)
-    assert hit.part == brick
-    half = 0.5 * frame.content.size[brick, 1]
-    np.testing.assert_allclose(hit.distance, 3.0 - half, atol=0.02)  # parts may be missed a bit
-
-
 @pytest.mark.parametrize('away', [5.0, 20.0, 40.0])
 @pytest.mark.parametrize('aside', [0.0, 1.0])
 def test_the_brick_under_the_pointer_is_met(frame, away, aside):
@@ -417,28 +407,11 @@ def test_a_click_on_a_wall_throws_a_ball_that_hits_it(frame):
     assert start[2] > 0.2
 
 
-def test_a_ball_from_a_worm_s_eye_starts_above_the_ground(frame):
-    """Lift a ball that would start in the ground, and still aim at the wall."""
-    place = frame.poses[middle_of_wall(frame), :3]
-    eye = np.array([place[0], -10.0, 0.05])
-    sight = (place - eye) / np.linalg.norm(place - eye)
-    ball = used(Tool.BALL, pick(frame, eye, sight), frame, sight, ball_size=1.0)
-    assert ball.position[2] > 0.5
-
-
 def test_a_click_on_the_ground_sets_off_a_charge(frame):
     """Set the charge of the slider off where the ground was clicked."""
     hit = pick(frame, np.array([-2.0, 3.0, 5.0]), DOWN)
     assert used(Tool.LOOK, hit, frame, DOWN) is None
     assert used(Tool.CHARGE, hit, frame, DOWN, charge=2.5) == Explosion([-2.0, 3.0, 0.0], 2.5)
-
-
-def test_a_charge_can_be_laid_at_a_wall(frame):
-    """Set it off on the face that was clicked."""
-    place = frame.poses[middle_of_wall(frame), :3]
-    hit = pick(frame, place - 3.0 * NORTH, NORTH)
-    charge = used(Tool.CHARGE, hit, frame, NORTH)
-    np.testing.assert_allclose(charge.position, hit.point)
 
 
 def test_pushes_are_pulls_the_other_way(frame):

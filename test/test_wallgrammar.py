@@ -22,6 +22,7 @@ import pytest
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.language import Place
+from procphys_ros.lsystem import LSystem
 from procphys_ros.wallgrammar import WallGrammar
 from procphys_ros.wallgrammar.derivation import Deriver
 from procphys_ros.wallgrammar.division import divide, Repeated, Share
@@ -69,19 +70,42 @@ def relative(fraction):
     return Share('relative', fraction, None)
 
 
-def test_split_shares_what_is_left():
-    """Expect three, then one and two thirds of the rest."""
-    assert sizes((absolute(3), floating(1), floating(2)), 9.0) == pytest.approx([3, 2, 4])
+@pytest.mark.parametrize('parts, length, wanted', [
+    ((absolute(3), floating(1), floating(2)), 9.0, [3, 2, 4]),
+    ((absolute(2), relative(0.3), floating(1)), 10.0, [2, 3, 5]),  # 30 % of 10 m
+    ((absolute(2), floating(1), absolute(3)), 5.0, [2, 3]),  # no room for the one between
+    ((Repeated((floating(2.1),)),), 10.0, [2.0] * 5),  # the nearest whole number
+    ((Repeated((floating(2.1),)),), 4.0, [2.0] * 2), ((Repeated((floating(2.1),)),), 1.0, [1.0]),
+    ((absolute(0.5), Repeated((floating(1), absolute(1))), absolute(0.5)), 7.0,
+     [0.5, 1, 1, 1, 1, 1, 1, 0.5]),
+    ((Repeated((absolute(2),)),), 9.0, [2] * 4)])
+def test_parts_share_a_length(parts, length, wanted):
+    """Share what fixed and relative parts leave among the others; repeat what is repeated."""
+    assert sizes(parts, length) == pytest.approx(wanted)
 
 
-def test_relative_sizes_count_the_whole_scope():
-    """Take 30 % of 10 m whatever else there is."""
-    assert sizes((absolute(2), relative(0.3), floating(1)), 10.0) == pytest.approx([2, 3, 5])
-
-
-def test_floating_part_without_room_is_dropped():
-    """Drop what has no size, and keep the order of the rest."""
-    assert sizes((absolute(2), floating(1), absolute(3)), 5.0) == pytest.approx([2, 3])
+@pytest.mark.parametrize('rules, wanted', [
+    ('rule start -> split(x) { ~1: wall | ~1: two | ~1: wall }\n'
+     'rule two -> split(y) { 1: gap | ~1: wall }',
+     [('wall', 0, 0, 3, 3, 0), ('gap', 3, 0, 6, 1, 0), ('wall', 3, 1, 6, 3, 0),
+      ('wall', 6, 0, 9, 3, 0)]),
+    ('rule start -> grid(2, 1) { wall }',  # 9 m by 2 m are 4 columns
+     [('wall', 2.25 * i, j, 2.25 * (i + 1), j + 1, 0) for i in range(4) for j in range(3)]),
+    ('rule start -> insert(1, 1) { gap | wall }',
+     [('gap', 4, 1, 5, 2, 0), ('wall', 0, 0, 9, 1, 0), ('wall', 0, 1, 4, 2, 0),
+      ('wall', 5, 1, 9, 2, 0), ('wall', 0, 2, 9, 3, 0)]),
+    ('rule start -> extrude(0.02) { again }\nrule again -> extrude(0.03) { wall }',
+     [('wall', 0, 0, 9, 3, -0.05)]),
+    ('rule start -> part(n)\nrule part(k) : k > 3 -> gap\nrule part(k) -> wall\n',
+     [('wall', 0, 0, 9, 3, 0)]),
+    ('rule start -> part(n + 3)\nrule part(k) : k > 3 -> gap\nrule part(k) -> wall\n',
+     [('gap', 0, 0, 9, 3, 0)]),
+    ('rule start -> split(x) { 2: part | ~1: part }\n'
+     'rule part : scope_x < 3 -> gap\nrule part -> wall\n',
+     [('gap', 0, 0, 2, 3, 0), ('wall', 2, 0, 9, 3, 0)])])
+def test_rules_divide_a_facade(rules, wanted):
+    """Find each panel in its place: name, edges, and how far inwards it is."""
+    assert sorted(derive(rules)) == sorted(wanted)
 
 
 def test_parts_that_do_not_fit_are_refused():
@@ -91,33 +115,6 @@ def test_parts_that_do_not_fit_are_refused():
     assert sizes((absolute(3), absolute(2.00001)), 5.0) == pytest.approx([3, 2])
 
 
-def test_repeat_takes_the_nearest_whole_count():
-    """Fit 2.1 m into 10 m five times at 2.0 m, and into 4 m twice."""
-    body = (Repeated((floating(2.1),)),)
-    assert sizes(body, 10.0) == pytest.approx([2.0] * 5)
-    assert sizes(body, 4.0) == pytest.approx([2.0, 2.0])
-    assert sizes(body, 1.0) == pytest.approx([1.0])
-
-
-def test_repeat_leaves_room_for_fixed_parts():
-    """Repeat between two piers, a group at a time."""
-    body = (absolute(0.5), Repeated((floating(1), absolute(1))), absolute(0.5))
-    assert sizes(body, 7.0) == pytest.approx([0.5, 1, 1, 1, 1, 1, 1, 0.5])
-
-
-def test_repeat_of_fixed_parts_never_overflows():
-    """Repeat a 2 m part four times on 9 m and leave the rest empty."""
-    assert sizes((Repeated((absolute(2),)),), 9.0) == pytest.approx([2] * 4)
-
-
-def test_nested_splits_share_edges():
-    """Meet exactly where one panel ends and the next begins."""
-    found = derive('rule start -> split(x) { ~1: wall | ~1: two | ~1: wall }\n'
-                   'rule two -> split(y) { 1: gap | ~1: wall }')
-    assert found == [('wall', 0, 0, 3, 3, 0), ('gap', 3, 0, 6, 1, 0), ('wall', 3, 1, 6, 3, 0),
-                     ('wall', 6, 0, 9, 3, 0)]
-
-
 def test_border_frames_its_inner_part():
     """Cut a border of 0.5 m off all sides; a scope too small is all border."""
     found = derive('rule start -> border(0.5) { gap | wall }')
@@ -125,39 +122,6 @@ def test_border_frames_its_inner_part():
     area = sum((r - x) * (t - b) for _, x, b, r, t, _ in found)
     assert area == pytest.approx(27.0)
     assert derive('rule start -> border(2) { gap | wall }') == [('wall', 0, 0, 9, 3, 0)]
-
-
-def test_grid_divides_both_ways():
-    """Cut 9 x 3 m into cells of about 2 x 1 m: 4 columns or 5, 3 rows."""
-    found = derive('rule start -> grid(2, 1) { wall }')
-    widths = {round(r - x, 6) for _, x, _, r, _, _ in found}
-    assert len(found) == 12 and widths == {2.25}
-
-
-def test_insert_sits_in_the_middle():
-    """Set a panel of 1 x 1 m into the middle."""
-    found = derive('rule start -> insert(1, 1) { gap | wall }')
-    assert found[0] == ('gap', 4, 1, 5, 2, 0) and len(found) == 5
-
-
-def test_extrusion_adds_up():
-    """Move a panel outwards twice; depth counts inwards."""
-    found = derive('rule start -> extrude(0.02) { again }\nrule again -> extrude(0.03) { wall }')
-    assert found == [('wall', 0, 0, 9, 3, -0.05)]
-
-
-def test_first_rule_with_true_condition_wins():
-    """Choose by argument and building parameter."""
-    rules = ('rule start -> part(n)\nrule part(k) : k > 3 -> gap\nrule part(k) -> wall\n')
-    assert derive(rules)[0][0] == 'wall'
-    assert derive(rules, n=4.0)[0][0] == 'gap'
-
-
-def test_scope_size_is_known_to_rules():
-    """Turn to another rule where the scope is small."""
-    rules = ('rule start -> split(x) { 2: part | ~1: part }\n'
-             'rule part : scope_x < 3 -> gap\nrule part -> wall\n')
-    assert [p[0] for p in derive(rules)] == ['gap', 'wall']
 
 
 def test_weights_are_drawn_and_seeded():
@@ -435,32 +399,6 @@ def test_what_is_no_grammar_is_refused(text, words):
     assert words in caught.value.message and caught.value.source == 'bad.wall'
 
 
-@pytest.mark.parametrize('content, words', [
-    (b'', 'found the end'), (b'\x7fELF\x02\x01\x01\x00\xff\xfe\x80' * 99, 'cannot read'),
-    (b'#' * 300_000, 'more than 200000')])
-def test_files_that_are_no_text_are_refused(tmp_path, content, words):
-    """Read nothing, a program and a very long file; name the file."""
-    path = tmp_path / 'odd.wall'
-    path.write_bytes(content)
-    with pytest.raises(GrammarError, match=words) as caught:
-        WallGrammar.load(path)
-    assert caught.value.source == str(path)
-
-
-def test_the_mark_in_front_of_a_text_is_no_part_of_it(tmp_path):
-    """Read files as editors of Windows write them."""
-    path = tmp_path / 'marked.wall'
-    path.write_text(_GOOD.replace('\n', '\r\n'), encoding='utf-8-sig')
-    assert len(WallGrammar.load(path).build()) > 1000
-
-
-@pytest.mark.parametrize('path', ['/dev/zero', '/dev/null', '/dev/tty'])
-def test_devices_are_not_read(path):
-    """Refuse what never ends, and what waits for a key."""
-    with pytest.raises(GrammarError, match='cannot read the grammar'):
-        WallGrammar.load(path)
-
-
 @pytest.mark.parametrize('extra', ['partitions: halves(1)', 'floors: slab(0.2)', 'floors: timber',
                                    'roof: gable(40)', 'roof: hip(40)', 'roof: flat'])
 def test_endless_interiors_are_refused_before_they_are_built(extra):
@@ -482,8 +420,9 @@ def test_a_footprint_of_thousands_of_corners_is_refused():
     assert 'at most 500 corners, found 501' in refusal(_SQUARE, points).message
 
 
-def test_missing_file_is_refused(tmp_path):
-    """Report a file that is not there, and a folder, as grammar errors."""
-    for path in (tmp_path / 'nowhere.wall', tmp_path):
-        with pytest.raises(GrammarError, match='cannot read'):
-            WallGrammar.load(path)
+@pytest.mark.parametrize('path', ['/dev/zero', '/dev/null', '/dev/tty', '/etc', 'nowhere.wall'])
+@pytest.mark.parametrize('load', [WallGrammar.load, LSystem.load])
+def test_what_is_no_file_is_refused(load, path):
+    """Refuse what never ends, what waits for a key, a folder, and what is not there."""
+    with pytest.raises(GrammarError, match='cannot read'):
+        load(path)

@@ -252,42 +252,6 @@ def test_shipped_building_stands_within_its_strength(shipped, name):
     assert held[2] == pytest.approx(plan.mass.sum() * 9.81, rel=accuracy)
 
 
-def test_wall_arches_over_a_hole():
-    """Take bricks out of the middle of a wall: at most a few more fall, the rest stands."""
-    blueprint = wall(12, 16)
-    simulation = standing(blueprint)
-    x, z = blueprint.poses[:, 0], blueprint.poses[:, 2]
-    hole = np.flatnonzero((np.abs(x - 1.35) < 0.4) & (z > 0.25) & (z < 0.6))
-    take_out(simulation, hole)
-    simulation.step(240)
-    assert simulation.state.standing.sum() >= len(blueprint) - len(hole) - 6
-
-
-def test_wall_falls_when_its_foot_is_gone():
-    """Take the lowest courses out: everything above falls, and comes to rest."""
-    blueprint = wall(12, 16)
-    simulation = standing(blueprint)
-    foot = np.flatnonzero(blueprint.poses[:, 2] < 0.15)
-    take_out(simulation, foot)
-    simulation.step(600)
-    assert not simulation.state.standing.any()
-    assert simulation.awake_bodies == 0
-    rest = np.setdiff1d(np.arange(len(blueprint)), foot)
-    assert simulation.poses[rest, 2].min() > 0.0
-
-
-def test_wall_without_a_flank_leans_no_further_than_it_can():
-    """Take a third of the foot of a weak wall out: what overhangs too far comes down."""
-    blueprint = wall(12, 16, tension=1e3, cohesion=1e3)
-    simulation = standing(blueprint)
-    part = np.flatnonzero((blueprint.poses[:, 2] < 0.15) & (blueprint.poses[:, 0] > 1.7))
-    take_out(simulation, part)
-    simulation.step(180)  # the last of it has come off before
-    left = simulation.state.standing
-    assert 0 < left.sum() < len(blueprint) - len(part) - 10
-    assert blueprint.poses[left, 0].max() < 2.6
-
-
 def test_all_broken_bonds_are_told_and_reset_makes_whole():
     """Compare events with dead bonds after a collapse; a reset gives the same collapse again."""
     blueprint = wall(8, 12)

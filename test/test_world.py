@@ -270,20 +270,6 @@ def test_two_worlds_do_not_disturb_each_other(engine):
 
 
 @engines
-def test_same_calls_give_identical_poses(engine):
-    """Drop 20 bricks on each other twice."""
-    def pile():
-        rng = np.random.default_rng(5)
-        with World(engine=engine) as world:
-            ids = [world.add_body(Shape.BOX, BRICK, BRICK_MASS,
-                                  at(*rng.uniform(-0.2, 0.2, 2), 0.2 + 0.1 * i))
-                   for i in range(20)]
-            run(world, 1.5)
-            return world.poses(ids).copy()
-    np.testing.assert_array_equal(pile(), pile())
-
-
-@engines
 def test_memory_does_not_grow_with_worlds(engine):
     """Make and close 60 worlds; the last 40 may not take more than a megabyte."""
     def resident():

@@ -39,15 +39,6 @@ def bricks(world, *poses):
                             np.full(len(poses), BRICK_MASS))
 
 
-def stacked(world):
-    """Let one brick come to rest on another; return their ids."""
-    low = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 0.0335))
-    rest(world)
-    high = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0.03, 0, 0.099))
-    rest(world)
-    return low, high
-
-
 @engines
 def test_standing_bricks_do_not_move_at_all(engine):
     """Leave bricks in mid-air: held means held, to the last bit."""
@@ -116,48 +107,6 @@ def test_thawed_frozen_and_thawed_again(engine):
 
 
 @engines
-def test_debris_comes_to_rest_and_stays_exactly_still(engine):
-    """Drop ten bricks; once at rest, not a bit of their poses changes."""
-    rng = np.random.default_rng(4)
-    with World(engine=engine) as world:
-        ids = np.array([world.add_body(Shape.BOX, BRICK, BRICK_MASS,
-                                       at(*rng.uniform(-0.1, 0.1, 2), 0.2 + 0.2 * i))
-                        for i in range(10)])
-        rest(world)
-        assert (world.bodies.state[ids] == BodyState.RESTING).all()
-        still = world.poses(ids).copy()
-        for _ in range(60):
-            world.step(DT)
-        np.testing.assert_array_equal(world.poses(ids), still)
-
-
-@engines
-def test_resting_body_wakes_when_it_is_hit(engine):
-    """Throw a brick at one at rest: momentum along the flight is shared, not lost."""
-    with World(friction=0.0, engine=engine) as world:
-        target = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(1, 0, 0.033), friction=0.0)
-        rest(world)
-        bullet = world.add_projectile(Shape.BOX, BRICK, BRICK_MASS, at(0.3, 0, 0.034),
-                                      [6, 0, 0, 0, 0, 0], friction=0.0, restitution=0.0)
-        for _ in range(9):
-            world.step(DT)
-        speeds = world.velocities([bullet, target])[:, 0]
-        assert world.bodies.state[target] == BodyState.AWAKE
-        assert speeds[1] > 2.5
-        assert speeds.sum() == pytest.approx(6.0, rel=0.01)
-
-
-@engines
-def test_slow_touch_does_not_wake(engine):
-    """Let a brick down softly on a resting one: the lower one stays at rest."""
-    with World(engine=engine) as world:
-        low, high = stacked(world)
-        assert world.bodies.state[low] == BodyState.RESTING
-        assert world.bodies.state[high] == BodyState.RESTING
-        assert world.poses([high])[0, 2] == pytest.approx(0.0975, abs=2e-3)
-
-
-@engines
 def test_what_passes_around_a_resting_body_does_not_wake_it(engine):
     """Swing an L of two bars about a brick that lies in its corner: bounds meet, bars do not."""
     with World(engine=engine) as world:
@@ -189,20 +138,6 @@ def test_what_is_clamped_comes_to_rest_beside_its_support(engine):
         plank = world.add_body(Shape.BOX, [1.2, 0.2, 0.1], 15.0, at(0.27, 0, 1.05))
         assert rest(world) < 1.5
         np.testing.assert_allclose(world.poses([plank])[0, :3], [0.27, 0.0, 1.05], atol=3e-3)
-
-
-@engines
-def test_resting_body_falls_when_its_support_moves_away(engine):
-    """Free the lower of two bricks: both wake, and nothing falls until that is gone."""
-    with World(engine=engine) as world:
-        low, high = stacked(world)
-        world.thaw([low])
-        world.step(DT)
-        assert world.bodies.state[high] == BodyState.AWAKE
-        assert world.poses([high])[0, 2] == pytest.approx(1.5 * BRICK[2], abs=2e-3)
-        world.set_poses([low], at(1, 0, 0.033)[None])
-        rest(world)
-        assert world.poses([high])[0, 2] == pytest.approx(0.0325, abs=2e-3)
 
 
 @engines
@@ -270,44 +205,6 @@ def test_heavy_fragment_at_speed_is_put_back_to_the_ground(engine):
         assert max(heights[15:]) < 0.5
 
 
-@engines
-def test_branch_of_sixty_capsules_comes_to_rest(engine):
-    """Drop a crooked branch; it rocks on its bow, then lies on the ground."""
-    rng = np.random.default_rng(7)
-    count = 60
-    directions = np.cumsum(rng.normal(scale=0.15, size=(count, 3)), axis=0) + [1, 0, 0]
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    ends = np.cumsum(directions * 0.15, axis=0)
-    axis = np.cross([0, 0, 1.0], directions)
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    turns = rotation.from_axis_angle(axis, np.arccos(directions[:, 2]))
-    poses = np.column_stack([ends - 0.075 * directions, turns])
-    poses[:, 2] += 4.0 - poses[:, 2].min()
-    sizes = np.column_stack([np.linspace(0.08, 0.02, count)] * 2 + [np.full(count, 0.14)])
-    mass = 700 * np.pi / 4 * sizes[:, 0] ** 2 * 0.15
-    total = rigid_sum(mass, np.full((count, 3), 1e-4), poses)
-    with World(engine=engine) as world:
-        branch = world.add_fragment(np.full(count, Shape.CAPSULE), sizes, total.local_poses,
-                                    total.mass, total.inertia, total.pose)
-        rest(world, 15.0)
-        lowest = rotation.compose(world.poses([branch]), total.local_poses)[:, 2].min()
-        assert 0.0 < lowest < 0.05
-
-
-@engines
-def test_removed_ids_may_come_back_for_other_bodies(engine):
-    """Remove a body and add another: its row is filled anew."""
-    with World(engine=engine) as world:
-        first = world.add_body(Shape.BOX, BRICK, BRICK_MASS, at(0, 0, 5))
-        world.step(DT)
-        world.remove([first])
-        assert world.bodies.state[first] == BodyState.GONE
-        second = world.add_body(Shape.BOX, 2 * BRICK, 20.0, at(3, 0, 5))
-        assert world.bodies.mass[second] == 20.0
-        world.step(DT)
-        assert world.velocities([second])[0, 2] == pytest.approx(-G * DT, rel=1e-9)
-
-
 def test_wall_merges_into_its_rows_and_keeps_its_faces():
     """Merge a running-bond wall: one box per course, fewer when its teeth are levelled."""
     poses, sizes = [], []
@@ -335,25 +232,6 @@ def test_thick_and_thin_walls_do_not_merge_and_joints_are_closed():
     assert len(merged) == 2
     tops, bottoms = merged[:, 2] + 0.5 * extents[:, 2], merged[:, 2] - 0.5 * extents[:, 2]
     assert np.sort(tops)[0] == pytest.approx(np.sort(bottoms)[1])
-
-
-def test_a_heap_comes_to_rest():
-    """Drop 200 bricks, turned at random: all sleep before 6 s are over, and hardly overlap."""
-    rng = np.random.default_rng(3)
-    row = np.arange(200)
-    places = np.column_stack([row % 5, row // 5 % 5, row // 25]) * [0.28, 0.28, 0.22] + [0, 0, 0.3]
-    turns = rng.normal(size=(200, 4))
-    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
-    with World(engine='native') as world:
-        ids = world.add_bricks(np.column_stack([places, turns]), np.tile(BRICK, (200, 1)),
-                               np.full(200, BRICK_MASS))
-        world.thaw(ids)
-        for _ in range(360):
-            world.step(DT)
-            if not len(world.awake):
-                break
-        assert not len(world.awake)
-        assert world.contacts().distance.min(initial=0.0) > -0.005
 
 
 @pytest.mark.parametrize(('slope', 'rolls'), [(0.07, False), (0.09, True)])
