@@ -22,7 +22,6 @@ from masonry_walls import bonded, wall
 import numpy as np
 import pytest
 
-from procphys_ros.blueprint import chain
 from procphys_ros.geometry import rotation
 from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.masonry import FreeBodies
@@ -217,34 +216,6 @@ def test_every_broken_bond_is_told_once(fallen):
     assert np.array_equal(np.sort(events['bond']), gone)
     assert set(events['cause']) == {int(Cause.IMPACT)}
     assert (events['load'] > 1.0).all()
-
-
-def test_what_lies_on_a_wall_loads_it():
-    """Lower a piece onto a wall: the wall ends up bearing its weight."""
-    piece = wall(4, 4, ground=False)
-    below = wall(8, 10)
-    scene = Scene()
-    scene.add(below, (0.0, 0.0, 0.0), 0.0, 'wall')
-    scene.add(piece, (0.4, 0.0, 0.76), 0.0, 'piece')
-    simulation = Simulation(scene)
-    simulation.step(300)
-    assert simulation.awake_bodies == 0 and simulation.bonds_broken == 0
-    down = simulation.state.loads.layer('debris')[1][:, 2].sum()
-    assert down == pytest.approx(-9.81 * piece.mass.sum(), rel=0.03)
-
-
-def test_a_heavy_fall_knocks_bricks_out_of_a_wall():
-    """Drop a heavy block on a thin wall: it breaks; a light one leaves it whole."""
-    below = wall(8, 10)
-    for density, breaks in ((300.0, False), (40000.0, True)):
-        block = bonded([[0.0, 0.0, 0.0], [0.31, 0.0, 0.0]], (0.3, 0.3, 0.3), density=density,
-                       ground=False, tension=1e9, cohesion=1e9)
-        scene = Scene()
-        scene.add(chain([below]), (0.0, 0.0, 0.0), 0.0, 'wall')
-        scene.add(block, (0.8, 0.0, 0.76 + 0.2 + (2.0 if breaks else 0.05)), 0.0, 'block')
-        simulation = Simulation(scene)
-        simulation.step(60)
-        assert (simulation.bonds_broken > 0) == breaks
 
 
 @pytest.mark.parametrize('engine, height', [

@@ -188,17 +188,6 @@ def test_what_cannot_be_cut_is_refused(target, plane, words):
     assert simulation.bonds_broken == 0
 
 
-def test_the_same_cut_twice_and_from_a_saved_state(tmp_path):
-    """Go on alike, to the bit, from a state that was saved after the cut."""
-    simulation = simulate(bush(60, seed=2, strength=1e12), 'bush')
-    simulation.cut('bush', (0.0, 0.0, 0.6), (0.0, 0.0, 1.0))
-    simulation.step(10)
-    fork = simulation.fork()
-    simulation.step(40)
-    fork.step(40)
-    np.testing.assert_array_equal(simulation.poses, fork.poses)
-
-
 STRONG = 'material brick { tension: 3e6  cohesion: 4e6 }'
 
 

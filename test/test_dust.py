@@ -327,22 +327,6 @@ def test_puffs_fade_towards_their_edges_and_before_what_they_touch(tmp_path):
     assert change['inside'][43:47, 78:82].mean() < 0.8 * middle
 
 
-def test_dust_hides_what_is_behind_it(tmp_path):
-    """Change the picture of a wall where a thick puff is before it, and nowhere else."""
-    wall = bonded(np.array([[0.3 * i, 0.0, 0.0325] for i in range(4)]), BRICK)
-    puff = Puffs(np.array([[0.0, -0.3, 0.03]]), np.array([0.2]), np.array([0.95]), np.zeros(1))
-    pictures = []
-    for name, dust in (('clear', None), ('dusty', puff)):
-        path = tmp_path / f'{name}.png'
-        draw(wall, wall.poses, path, size=(160, 90), camera=(0.4, -3.0, 0.3, 0.4, 0.0, 0.0),
-             dust=dust)
-        pictures.append(np.asarray(Image.open(path).convert('RGB'), float))
-    changed = np.abs(pictures[1] - pictures[0]).max(axis=2) > 8.0
-    rows, columns = np.nonzero(changed)
-    assert 20 < changed.sum() < 0.1 * changed.size
-    assert columns.max() < 80 and np.ptp(rows) < 30
-
-
 HOUSE = np.array([[-3.0, -2.0, 0.0, 3.0, 2.0, 5.0]])
 EDGE = 0.25  # [m] of a cell: what stands is so much wider for leaves
 

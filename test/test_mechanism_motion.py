@@ -18,16 +18,13 @@ from math import acos, atan2, cos, hypot, pi, radians, sin
 
 import numpy as np
 import pytest
-from scipy.special import ellipk
 
-from procphys_ros.blueprint import JointType
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.geometry import rotation
 from procphys_ros.mechanism import MechanismGrammar
 from procphys_ros.physics.air import AIR_DENSITY, PLATE_DRAG
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.wind import WindSettings
-from procphys_ros.physics.world import JointKind
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.simulation import Simulation
 
@@ -54,25 +51,6 @@ def gaps(simulation):
     one, other = (rotation.compose(world.poses(body), frame)[:, :3] for body, frame in (
         (rows.first, rows.frame), (rows.second, rows.other_frame)))
     return np.linalg.norm(one - other, axis=1)
-
-
-def test_joints_are_numbered_as_the_engine_numbers_them():
-    """Hand the kind of a joint on as it is."""
-    assert {kind.name: int(kind) for kind in JointType} == {
-        kind.name: int(kind) for kind in JointKind if kind}
-
-
-def test_a_ball_on_a_hinge_swings_as_a_pendulum(length=2.0, angle=0.6):
-    """Keep the period of a compound pendulum of that amplitude, within 1 %."""
-    place = f'{length * sin(angle)}, 0, {5.0 - length * cos(angle)}'
-    simulation = simulate(f'ball bob {{ diameter: 0.2 at: {place} '
-                          'hinge pin { at: 0, 0, 5  axis: 0, 1, 0 } }')
-    reduced = length + 0.4 * 0.1 ** 2 / length
-    period = 4.0 * np.sqrt(reduced / G) * ellipk(sin(0.5 * angle) ** 2)
-    x = simulation.series(round(1.85 * period * 60), ['m/0']).poses[:, 0, 0]
-    rises = np.flatnonzero((x[:-1] < 0.0) & (x[1:] >= 0.0))
-    exact = rises + x[rises] / (x[rises] - x[rises + 1])
-    assert np.diff(exact).mean() / 60.0 == pytest.approx(period, rel=1e-3)
 
 
 def test_a_four_bar_linkage_closes(crank=0.3, coupler=1.0, rocker=0.6, ground=1.0):

@@ -148,15 +148,18 @@ def test_no_two_classes_share_a_name():
 
 @pytest.fixture(scope='module')
 def loaded() -> set[str]:
-    """Import everything below the ROS edge in a new process, and list what that has loaded."""
-    code = 'import sys, procphys_ros.simulation, procphys_ros.messages; print(*sys.modules)'
+    """Build a tree without ROS in a new process, and list what that has loaded."""
+    code = ('import sys, procphys_ros.simulation, procphys_ros.messages; '
+            'from procphys_ros.scene import Scene; Scene.from_parameters({"scene": {"objects": '
+            '["pole"]}, "pole": {"grammar_text": "axiom: Width(0.1) F(1)"}}); print(*sys.modules)')
     return set(subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True,
                               capture_output=True, text=True).stdout.split())
 
 
 def test_core_runs_without_ros(loaded):
-    """Find no rclpy loaded below the ROS edge."""
-    assert 'procphys_ros.simulation' in loaded and 'rclpy' not in loaded
+    """Find no rclpy loaded below the ROS edge, nor, of a forest, the language of walls."""
+    assert 'procphys_ros.lsystem' in loaded
+    assert not {'rclpy', 'procphys_ros.wallgrammar'} & loaded
 
 
 def test_version_is_the_same_everywhere():

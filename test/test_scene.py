@@ -438,15 +438,6 @@ def test_seeds_of_grammars_are_whole_numbers(text, seed):
         grammar.build(seed=seed)
 
 
-def test_forests_do_not_import_walls():
-    """Leave the language of walls, a tenth of all imports, to scenes that have some."""
-    code = ('import sys; from procphys_ros.scene import Scene; import procphys_ros.simulation; '
-            f'Scene.from_parameters({{"scene": {{"objects": ["pole"]}}, '
-            f'"pole": {{"grammar_text": {_POLE!r}}}}}); '
-            'assert "procphys_ros.wallgrammar" not in sys.modules')
-    subprocess.run([sys.executable, '-c', code], check=True)
-
-
 _TWIG = 'axiom: Width(0.1) F(length)\nderivation length: 0\ndefine: length = 2\nproduction:\n'
 
 

@@ -162,10 +162,10 @@ def test_constants_are_not_saved():
     (lambda data: resealed(data, b'"version":"', b'"version":"9'), 'version 9'),
     (lambda data: resealed(data, b'"scene":"', b'"scene":"f'), 'another scene'),
     (lambda data: b'procphys_ros snapshot 1\n{"version": "1.0"}\n' + data, 'save it anew')])
-def test_what_is_no_snapshot_of_this_scene_is_refused(spoil, word):
+def test_what_is_no_snapshot_of_this_scene_is_refused(saved, spoil, word):
     """Say in one line what is wrong, and stay in the present state."""
-    simulation = busy(0.1)
-    data, before = simulation.save(), simulation.poses.copy()
+    simulation, data = saved
+    before = simulation.poses.copy()
     simulation.step(3)
     now = simulation.poses.copy()
     with pytest.raises(SnapshotError, match=word) as told:
@@ -382,18 +382,6 @@ def assert_same_world(first, second):
     """Compare two worlds bit for bit."""
     for name, column in first.save_state().items():
         np.testing.assert_array_equal(column, second.save_state()[name], err_msg=name)
-
-
-@_ENGINES
-def test_restored_worlds_step_alike(engine):
-    """Restore a world twice from a file: both go on alike, bit for bit."""
-    with busy_world(engine) as world:
-        arrays = through_a_file(world.save_state())
-    with World.restore(arrays, engine) as first, World.restore(arrays, engine) as second:
-        assert (first.bodies.state == BodyState.RESTING).any() or len(first.awake)
-        run(first, 30)
-        run(second, 30)
-        assert_same_world(first, second)
 
 
 @_ENGINES

@@ -23,11 +23,12 @@ import numpy as np
 import pytest
 
 from procphys_ros.blueprint import GROUND
+from procphys_ros.physics.masonry.contact_forces import PieceBlow
 from procphys_ros.physics.masonry.standing_loads import StandingLoads
 from procphys_ros.scene import Scene, Settings
 from procphys_ros.scene.culling import CullingSettings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Cause, Owner, Simulation
+from procphys_ros.simulation import Cause, impacts, Owner, Simulation
 from procphys_ros.simulation.readings import describe_load, load_of
 from procphys_ros.simulation.wall_loads import DEBRIS_LAYER
 from procphys_ros.wallgrammar import WallGrammar
@@ -340,6 +341,22 @@ def test_stones_that_stick_out_come_off_under_what_lies_on_them(tension, load, b
     assert (simulation.events['cause'] == Cause.TENSION).all()
     middle, tooth = simulation.state.parts.body[[3, 4]]
     assert (middle != tooth) == breaks
+
+
+def test_what_is_pressed_breaks_whatever_room_there_is():
+    """Break small pieces under lasting forces into a cell per part, and large ones into sixty."""
+    blows = [PieceBlow(0, np.arange(n), None, np.inf) for n in (1000, 15, 5)]
+    assert impacts._cells(blows, 0, 10.0) == [60, 15, 5]
+    assert impacts._cells(blows, 60, 10.0) == [60, 15, 5]
+
+
+def test_lumps_break_whatever_room_there_is():
+    """Break lumps into some cells without room for more bodies, huge ones into grains."""
+    blows = [PieceBlow(0, np.arange(count), None, 0.0)
+             for count in (1000, 300, 200, 90, 30)]
+    assert impacts._cells(blows, 0, 10.0)[:3] == [60, 30, 2]
+    assert max(impacts._cells(blows, 0, 10.0)[3:]) < 2
+    assert impacts._cells(blows[2:], 60, 10.0)[0] > 10
 
 
 @pytest.mark.parametrize('engine', ['native', 'bullet'])

@@ -476,6 +476,20 @@ def test_it_solves_as_scipy_does(count, density):
     np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
 
 
+def test_few_columns_have_to_do_with_few_unknowns():
+    """Solve for some unknowns of a chain as with all columns, where nothing else is loaded."""
+    chain = np.diag(np.full(60, 4.0)) - np.eye(60, k=1) - np.eye(60, k=-1)
+    factor = factored(bsr_matrix(np.kron(chain, np.eye(6)), blocksize=(6, 6)))
+    columns, start = factor.reached(np.array([30, 31, 7]), np.array([0, 2, 3]))
+    for begin, end, unknowns in zip(start, start[1:], ([30, 31], [7])):
+        load = np.zeros((60, 6))
+        load[unknowns] = 1.0
+        own = columns[begin:end]
+        assert len(own) < 40 and np.all(np.diff(own) > 0)
+        np.testing.assert_allclose(solved_for(factor, load, own)[unknowns],
+                                   solved_for(factor, load)[unknowns], rtol=1e-12)
+
+
 def test_the_coarse_matrix_does_the_work_of_the_bonds():
     """Let PᵀKP of rigid motions be what the bonds between the aggregates resist."""
     graph = BondGraph(wall(15, 20))

@@ -308,13 +308,3 @@ def test_figures_stand(figure):
     assert np.linalg.norm(branches.attitude, axis=1) == pytest.approx(1)
     ends = tops[branches.parent[branches.parent >= 0]]
     assert branches.base[branches.parent >= 0] == pytest.approx(ends)
-
-
-def test_same_seed_same_tree():
-    """Build the same blueprint from the same seed."""
-    text = 'axiom: A\nderivation length: 6\nproduction:\n' \
-           'A -> F(rand(1,2)) [ +(rand(10,60)) A ] A : 1\nA -> F(1) A : 1'
-    system = LSystem.parse(text)
-    first, again, other = (system.build(seed=s) for s in (1, 1, 2))
-    assert np.array_equal(first.poses, again.poses)
-    assert first.poses.shape != other.poses.shape or not np.array_equal(first.poses, other.poses)

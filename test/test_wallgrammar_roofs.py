@@ -203,10 +203,9 @@ _JOINTS = 0.002 * (1.0 / 0.40 + 1.0 / 0.25)  # of the plan: joints of 2 mm betwe
 
 
 @pytest.mark.parametrize(('plan', 'roof', 'turn'), [
-    ('rectangle', 'gable(10)', 0.0), ('rectangle', 'gable(70)', 0.5 * np.pi),
-    ('rectangle', 'hip(10)', 0.5 * np.pi), ('rectangle', 'hip(55)', 0.0),
+    ('rectangle', 'gable(10)', 0.5 * np.pi), ('rectangle', 'hip(10)', 0.0),
     ([(0, 0), (5, 0), (5, 3), (0, 3)], 'hip(70)', 0.0), ('square', 'hip(50)', 0.0),
-    ('square', 'hip(15)', 0.0), ('L', 'gable(20)', 0.5),
+    ('L', 'gable(20)', 0.5),
     ('L', 'hip(40)', 0.5), ('T', 'gable(60)', 0.5 * np.pi), ('U', 'hip(30)', 2.0),
     ('H', 'gable(45)', 0.0), ('star', 'hip(40)', 0.0), ('triangle', 'hip(55)', 0.3),
     ('kite', 'hip(20)', 0.0), ('bend', 'hip(50)', 0.0), ('apse', 'gable(35)', 0.5),

@@ -173,19 +173,6 @@ def test_kernel_interpolates_as_scipy_does(wind):
     np.testing.assert_allclose(found, INTENSITY * SPEED * wanted, atol=1e-5)
 
 
-def test_boxes_have_no_seam(wind):
-    """Step over the borders of both boxes and find no jump."""
-    away = _scattered(200)
-    for axis, border in ((0, 0.0), (0, 512.0), (0, 2048.0), (0, 65536.0), (1, 64.0), (1, 256.0),
-                         (2, 32.0), (2, 64.0)):
-        sides = []
-        for side in (-1e-5, 1e-5):
-            points = away.copy()
-            points[:, axis] = border + side
-            sides.append(wind.velocity(points, 0.0))
-        np.testing.assert_allclose(sides[0], sides[1], atol=2e-3)
-
-
 def test_eddies_travel_with_the_mean_wind(wind):
     """Find a front again 40 m downwind, 4 s later, by cross-correlation."""
     rate = 20.0
@@ -234,17 +221,6 @@ def test_no_wind_comes_back_within_a_day(wind):
         within = laps * box.period[0] < 24 * 3600 * SPEED
         assert distance.min() > 0.1
         assert distance[within].min() > 0.5
-
-
-def test_wind_does_not_come_back_the_same_after_a_box():
-    """Compare a record with those whole boxes later, on a day of 24 h."""
-    wind = Wind(_settings(), SEED)
-    points = _scattered(100)
-    first = wind.velocity(points, 0.0)[:, 0] - SPEED
-    boxes = np.arange(1, 423) * 204.8
-    alike = [np.corrcoef(first, wind.velocity(points, t)[:, 0])[0, 1] for t in boxes]
-    assert max(alike) < 0.8
-    assert np.mean(alike) < 0.1
 
 
 @pytest.mark.parametrize(('profile', 'wanted'), [
@@ -365,16 +341,9 @@ def test_settings_change_while_it_blows(steered):
     ({'velocity': (1.0, 2.0)}, ['wind.velocity', '3 numbers']),
     ({'velocity': (1e4, 0.0, 0.0)}, ['wind.velocity', '150']),
     ({'velocity': 'west'}, ['wind.velocity', 'west']),
-    ({'velocity': 5.0}, ['wind.velocity', '5.0', '3 numbers']),
-    ({'turbulence_intensity': 1.5}, ['wind.turbulence_intensity', '1.5', '0 to 1']),
-    ({'turbulence_intensity': float('nan')}, ['wind.turbulence_intensity', 'nan']),
-    ({'turbulence_intensity': None}, ['wind.turbulence_intensity', 'None']),
     ({'profile': 'logg'}, ['wind.profile', 'logg', 'log, power, uniform']),
-    ({'spectrum': 'karman'}, ['wind.spectrum', 'kaimal, von_karman']),
     ({'profile': 'log', 'roughness_length': 3.0, 'reference_height': 2.0},
      ['wind.roughness_length', 'wind.reference_height']),
-    ({'reference_height': -1.0}, ['wind.reference_height', '-1']),
-    ({'exponent': '0.2'}, ['wind.exponent', "'0.2'"]),
 ])
 def test_bad_settings_are_refused(changes, words):
     """Name the key, the value and what is allowed."""
@@ -390,25 +359,6 @@ def test_bad_velocity_leaves_the_wind_as_it_was(steered):
     with pytest.raises(SceneError):
         steered.set_velocity((np.nan, 0.0, 0.0), 3.0)
     np.testing.assert_array_equal(steered.velocity(points, 4.0), before)
-
-
-def test_integers_are_taken_for_numbers():
-    """Accept whole numbers wherever a number is wanted."""
-    settings = _settings(velocity=[5, 0, 0], turbulence_intensity=0, reference_height=10)
-    assert settings.velocity == (5.0, 0.0, 0.0)
-    assert isinstance(settings.reference_height, float)
-
-
-def test_fields_are_scaled_alike_by_all_versions_of_numpy(monkeypatch):
-    """Scale in double precision: before numpy 2 arrays decided on the precision."""
-    white = np.random.default_rng(SEED).random(1024).astype(np.float32)
-    monkeypatch.setattr(eddies, '_transform', lambda variances, shares, used, shape, rng: (
-        np.broadcast_to(white[:shape[0], None, None], shape)))
-    spectrum = spectra.make('kaimal', 10.0)
-    for box in eddies.make_boxes(spectrum, np.random.default_rng(SEED)):
-        for component, ratio in enumerate(spectrum.ratios.tolist()):
-            expected = [np.float32(ratio * value) for value in white[:len(box.field)].tolist()]
-            assert (box.field[:, 0, 0, component] == expected).all()
 
 
 _TOP, _CROWN, _AREA, _APART = 10.0, 2.0, 100.0, 5.0  # [m], [m], [m²], [m]: leaf area index 4
@@ -553,28 +503,17 @@ def _scene(folder: Path, text: str) -> Scene:
     return Scene.from_parameters({'wind': {**_CALM, 'file': 'storm.csv'}}, folder)
 
 
-def test_a_ramp_goes_evenly_and_stays():
-    """Double the speed within 20 s: 15 m/s half way, 20 m/s from then on."""
-    wind = _even_wind()
-    wind.set_velocity((20.0, 0.0, 0.0), 5.0, ramp=20.0)
-    speeds = [wind.mean_velocity(t)[0] for t in (0.0, 5.0, 15.0, 25.0, 1000.0)]
-    assert speeds == pytest.approx([10.0, 10.0, 15.0, 20.0, 20.0])
-
-
-def test_a_ramp_turns_on_the_shorter_way():
-    """Turn the wind from 10 degrees to 350 degrees over x, never slower on the way."""
-    first, last = (np.array([np.cos(a), np.sin(a), 0.0]) * 8.0 for a in np.radians([10.0, -10.0]))
-    wind = _even_wind(velocity=tuple(first))
-    wind.set_velocity(tuple(last), 0.0, ramp=10.0)
-    assert wind.mean_velocity(5.0) == pytest.approx((8.0, 0.0, 0.0), abs=1e-12)
-    assert wind.mean_velocity(10.0) == pytest.approx(last)
-
-
-def test_a_storm_rises_from_still_air_in_its_own_direction():
-    """Ramp from nothing: the direction is the target's from the start."""
-    wind = _even_wind(velocity=(0.0, 0.0, 0.0))
-    wind.set_velocity((0.0, 30.0, 0.0), 0.0, ramp=60.0)
-    assert wind.mean_velocity(6.0) == pytest.approx((0.0, 3.0, 0.0), abs=1e-12)
+@pytest.mark.parametrize('before, target, ramp, found', [
+    ((10.0, 0.0), (20.0, 0.0), 20.0, {0.0: (10.0, 0.0), 10.0: (15.0, 0.0), 900.0: (20.0, 0.0)}),
+    ((8.0 * math.cos(0.2), 8.0 * math.sin(0.2)), (8.0 * math.cos(0.2), -8.0 * math.sin(0.2)), 10.0,
+     {5.0: (8.0, 0.0), 10.0: (8.0 * math.cos(0.2), -8.0 * math.sin(0.2))}),  # never slower
+    ((0.0, 0.0), (0.0, 30.0), 60.0, {6.0: (0.0, 3.0)})])
+def test_a_ramp_goes_evenly_on_the_shorter_way_and_stays(before, target, ramp, found):
+    """Ramp the speed, the direction, and the wind from still air."""
+    wind = _even_wind(velocity=(*before, 0.0))
+    wind.set_velocity((*target, 0.0), 0.0, ramp=ramp)
+    for time, velocity in found.items():
+        assert wind.mean_velocity(time) == pytest.approx((*velocity, 0.0), abs=1e-12)
 
 
 def test_eddies_travel_by_the_integral_of_the_speed():
@@ -770,13 +709,6 @@ def test_gusts_add_and_show_at_the_reference(steady):
     np.testing.assert_allclose(reference.mean, [0.0, BLOWING, 0.0])
     steady.reset()
     np.testing.assert_array_equal(steady.at_reference(3.0).gust, 0.0)
-
-
-def test_gusts_long_gone_are_forgotten(steady):
-    """Start many gusts over a long time and keep only those that may still be felt."""
-    for start in range(0, 100000, 1000):
-        steady.start_gust(Gust(4.0, 6.0), float(start))
-    assert len(steady._gusts) == 1
 
 
 def test_gust_in_still_air_needs_a_direction():
