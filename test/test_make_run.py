@@ -104,19 +104,13 @@ def test_the_node_outlives_the_page(tmp_path):
 
 
 def test_what_is_installed_is_said_before(tmp_path):
-    """Say how long it takes, how much disk, and that the system may change, before it does."""
+    """Say how long it takes, how much disk, and that the system may change; compile nothing."""
     plan = subprocess.run(['make', '-C', str(ROOT), '-n', 'run', f'VENV={tmp_path / "new"}'],
                           check=True, capture_output=True, text=True).stdout
     notice, _, work = plan.partition('./.ci/system-packages')
     for word in ('minutes', 'GB', 'system packages', 'apt-get'):
         assert word in notice
     assert 'pip install' in work and 'pip install' not in notice
-
-
-def test_the_node_waits_for_no_kernel_that_it_does_not_need(tmp_path):
-    """Start the node without compiling everything first; it compiles what it needs itself."""
-    plan = subprocess.run(['make', '-C', str(ROOT), '-n', 'run', f'VENV={tmp_path / "new"}'],
-                          check=True, capture_output=True, text=True).stdout
     assert 'procphys_ros/sim' in plan and 'procphys_ros.warm' not in plan
 
 

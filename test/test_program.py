@@ -85,11 +85,13 @@ def test_ctrl_c_ends_a_command_at_once(source, said, tmp_path):
     assert (done.returncode, done.stdout, done.stderr) == (130, said, 'render: interrupted\n')
 
 
+@pytest.mark.parametrize('within', ['code', 'callback'])
 @pytest.mark.parametrize('name', program.COMMANDS)
-def test_ctrl_c_ends_a_command_that_runs(name, monkeypatch, capsys):
-    """Interrupt each command before it handles signals itself."""
+def test_ctrl_c_ends_a_command_that_runs(name, within, monkeypatch, capsys):
+    """Interrupt it before it handles signals itself, also where Python lets no exception out."""
     module = ModuleType('running')
-    module.main = lambda words: signal.raise_signal(signal.SIGINT)
+    raised = signal.raise_signal if within == 'code' else _signalled_in_a_callback
+    module.main = lambda words: raised(signal.SIGINT)
     monkeypatch.setitem(sys.modules, program.COMMANDS[name], module)
     assert program.run(name, []) == 130
     assert capsys.readouterr().err == f'{name}: interrupted\n'
@@ -424,16 +426,6 @@ def test_a_signal_within_numba_is_raised_behind_it():
                           capture_output=True)
     assert (done.returncode, done.stdout) == (0, 'in numba\ninterrupted\n'), done.stderr
     assert done.stderr == ''
-
-
-@pytest.mark.parametrize('name', program.COMMANDS)
-def test_commands_lose_no_signal(name, monkeypatch, capsys):
-    """Interrupt a command while a callback runs that Python lets no exception out of."""
-    module = ModuleType('running')
-    module.main = lambda words: _signalled_in_a_callback(signal.SIGINT)
-    monkeypatch.setitem(sys.modules, program.COMMANDS[name], module)
-    assert program.run(name, []) == program.INTERRUPTED
-    assert capsys.readouterr().err == f'{name}: interrupted\n'
 
 
 @pytest.mark.parametrize('number, error', [
