@@ -23,19 +23,13 @@ import single_thread  # noqa: F401 (before anything imports numpy)
 
 # Files that take longest; begun first, so that no process is left alone with them at the end.
 # About every third one waits for nodes and leaves its core to others.
-LONG = ('test_scenes', 'test_lint', 'test_node_exit', 'test_random_grammars', 'test_record_node',
-        'test_node', 'test_command', 'test_flaws_walls', 'test_wall_wind', 'test_view_browser',
-        'test_leaning', 'test_kernel_cache', 'test_node_hostile', 'test_buildings', 'test_batch',
-        'test_view_node', 'test_tree_grammars', 'test_arching', 'test_node_strikes',
-        'test_blasts', 'test_invariance', 'test_node_view', 'test_wind', 'test_rigid',
-        'test_node_in_and_out', 'test_striking', 'test_detail', 'test_wings_and_spires',
-        'test_node_fuzz', 'test_cracked_walls', 'test_render', 'test_node_faults', 'test_threads',
-        'test_looks', 'test_struck_walls', 'test_recording', 'test_docs_site', 'test_flaws_trees',
-        'test_node_shards', 'test_contact', 'test_demolition', 'test_same_bits',
-        'test_node_among_nodes', 'test_arches', 'test_random_changes', 'test_snapshot',
-        'test_splintering', 'test_crack_speed', 'test_export_mjcf', 'test_docs_blocks',
-        'test_node_intruder', 'test_blow_pace', 'test_blast_confined', 'test_films',
-        'test_world_rest', 'test_warm', 'test_meetings', 'test_package')
+LONG = ('test_scenes', 'test_node', 'test_warm', 'test_flaws_walls', 'test_node_commands',
+        'test_lint', 'test_terrain', 'test_view_node', 'test_growing', 'test_docs_blocks',
+        'test_batch', 'test_wallgrammar_roofs', 'test_snapshot', 'test_command',
+        'test_mechanism_grammar',
+        'test_joints', 'test_view_browser', 'test_blasts', 'test_wallgrammar_buildings',
+        'test_node_inside', 'test_random_grammars', 'test_loose_stacks', 'test_record_node',
+        'test_hinged', 'test_threads', 'test_node_exit')
 
 
 def pytest_collection_modifyitems(items):
