@@ -281,16 +281,6 @@ def sinking(simulation: Simulation) -> np.ndarray:
     return np.concatenate(ways)
 
 
-def overlap(simulation: Simulation) -> float:
-    """Measure how deep what is loose reaches into anything at most [m]."""
-    saved, world = simulation.save(), simulation.state.world
-    world.thaw(np.flatnonzero(world.bodies.state == BodyState.RESTING))
-    world.step(1e-4)
-    deepest = -float(world.contacts().distance.min(initial=0.0))
-    simulation.restore(saved)
-    return deepest
-
-
 def heap(simulation: Simulation, parts: np.ndarray) -> tuple[float, float]:
     """Compute the median height of parts over its start, and their share near their plan."""
     now, before = simulation.poses[parts, :3], simulation.blueprint.poses[parts, :3]

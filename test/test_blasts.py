@@ -472,16 +472,9 @@ DT = 1.0 / 60.0
 PLACE, RADIUS = [3.0, 0.0, 0.6], 0.59
 
 
-def stand_alone(built):
-    """Make a simulation of one building."""
-    scene = Scene()
-    scene.add(built, name='house')
-    return Simulation(scene)
-
-
 def test_charges_go_off_in_their_order_at_their_time():
     """Fire each charge in the step that holds its moment, whatever the order of the list."""
-    simulation = stand_alone(wall(30, 16))
+    simulation = stand_at(wall(30, 16))
     assert simulation.demolish(Demolition([0.3, 0.1], [1.0, 0.0, 0.6, 5.5, 0.0, 0.6],
                                           [0.3, 0.3])) == 2
     moments, poses = {}, simulation.blueprint.poses
@@ -498,17 +491,11 @@ def test_charges_go_off_in_their_order_at_their_time():
 @pytest.fixture(scope='module')
 def fired():
     """Fire one charge in the middle of a wall, and give the simulation after that step."""
-    simulation = stand_alone(wall(30, 16))
+    simulation = stand_at(wall(30, 16))
     simulation.demolish(Demolition([0.0], PLACE, [RADIUS]))
     while simulation.state.charges:  # its own stage, before the engine moves anything
         charges.step(simulation.model, simulation.state, DT)
     return simulation
-
-
-def momenta(simulation):
-    """Compute the momentum of all existing parts [N·s], (K, 3)."""
-    there = simulation.exists
-    return simulation.blueprint.mass[there, None] * simulation.velocities[there, :3]
 
 
 def bodies(simulation):
@@ -568,7 +555,7 @@ def test_the_ledger_knows_what_charges_threw(fired):
 
 def test_what_a_charge_throws_never_becomes_faster():
     """Follow all that flies for half a second: it gains no more than by its fall."""
-    simulation = stand_alone(wall(30, 16))
+    simulation = stand_at(wall(30, 16))
     simulation.demolish(Demolition([0.0], PLACE, [0.5]))
     weight = simulation.blueprint.mass.sum()
     most = np.sqrt(2.0 * 0.03 * 4.2e6 * 0.5 / 1900.0)
@@ -582,7 +569,7 @@ def test_what_a_charge_throws_never_becomes_faster():
 
 def test_a_small_charge_leaves_an_arch():
     """Let a wall span the hole of a charge: nothing but the charge breaks it."""
-    simulation = stand_alone(wall(30, 40))
+    simulation = stand_at(wall(30, 40))
     simulation.demolish(Demolition([0.0], [3.3, 0.0, 0.6], [0.4]))
     simulation.step(40)
     above = np.abs(simulation.blueprint.poses[:, 0] - 3.3) < 0.5
@@ -592,7 +579,7 @@ def test_a_small_charge_leaves_an_arch():
 
 def test_default_charges_are_fired_from_the_middle_out():
     """Lay charges along the walls, the later the farther from the middle."""
-    simulation = stand_alone(building(side=12, storeys=1, courses=34, windows=2))
+    simulation = stand_at(building(side=12, storeys=1, courses=34, windows=2))
     plan = charges.implosion(simulation.model, simulation.state)
     away = np.linalg.norm(plan.places[:, :2] - plan.places[:, :2].mean(axis=0), axis=1)
     assert np.all(np.diff(np.asarray(plan.delays)[np.argsort(away)]) >= 0.0)
@@ -618,7 +605,7 @@ def test_there_must_be_something_to_demolish():
 
 def test_reset_disarms_charges():
     """Forget charges that have not gone off."""
-    simulation = stand_alone(wall(10, 10))
+    simulation = stand_at(wall(10, 10))
     simulation.demolish(Demolition([0.2], [1.0, 0.0, 0.4], [0.5]))
     simulation.reset()
     simulation.step(30)

@@ -864,20 +864,6 @@ def test_heights_of_a_file_are_worn(tmp_path):
     assert low == 0.0 and 3.0 < high <= 6.0
 
 
-def test_a_box_comes_to_rest_in_a_gully():
-    """Drop a box on worn ground: it ends on its surface."""
-    terrain = drawn_hills(1, erosion=50.0)
-    with World(engine='native', terrain=terrain) as world:
-        ground = terrain.height(np.zeros((1, 2)))[0]
-        box = world.add_body(Shape.BOX, np.full(3, 0.5), 50.0, np.array(
-            [0.0, 0.0, ground + 0.6, 0.0, 0.0, 0.0, 1.0]))
-        for _ in range(180):
-            world.step(1.0 / 60.0)
-        pose = world.poses([box])[0]
-    over = pose[2] - terrain.height(pose[None])[0]
-    assert 0.2 < over < 0.45
-
-
 @pytest.mark.parametrize('about, said', [
     ({'erosion': 10.0}, 'terrain.file or terrain.noise'),
     ({'noise': 5.0, 'erosion': -1.0}, 'terrain.erosion is -1, it must be a number from 0 to 1'),
