@@ -19,6 +19,7 @@ from numpy.testing import assert_allclose
 import pytest
 from scipy.integrate import trapezoid
 
+from procphys_ros.errors import CommandError
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import (
@@ -438,3 +439,16 @@ def test_walls_shield_segments():
     found = blast_capsules((0.0, 0.0, HIGH), 1.0, sticks, np.full((2, 3), [0.1, 0.1, 1.0]), wall)
     assert_allclose(found.linear[0], 0.0)
     assert found.linear[1, 0] < -0.1
+
+
+@pytest.mark.parametrize(('point', 'charge', 'words'), [
+    ((0.0, 0.0, 1.0), -1.0, ['explosion.charge', '-1']),
+    ((0.0, 0.0, 1.0), float('nan'), ['explosion.charge', 'nan']),
+    ((0.0, float('inf'), 1.0), 1.0, ['explosion.position', 'inf']),
+    ((0.0, 1.0), 1.0, ['explosion.position', 'three']),
+])
+def test_bad_explosions_are_refused(point, charge, words):
+    """Name the parameter and the value."""
+    with pytest.raises(CommandError) as caught:
+        blast_boxes(point, charge, *_boxes((5.0, 0.0, 0.0)))
+    assert all(word in str(caught.value) for word in words)

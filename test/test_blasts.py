@@ -271,6 +271,8 @@ def test_panes_break_where_windows_do(pressure, breaks):
     simulation.step(20)
     standing = simulation.state.standing[:len(pane)]
     assert standing[pane].any() != breaks and standing[~pane].all()
+    told = np.count_nonzero(simulation.events['cause'] == Cause.BLAST)
+    assert (told >= 4 * pane.sum()) == breaks
 
 
 def test_a_blast_tears_the_same_out_of_a_wall_that_is_turned():

@@ -331,6 +331,16 @@ def test_fallen_leaves_come_down_and_stay():
     assert np.array_equal(simulation.leaf_poses()[fallen.leaf], poses)
 
 
+def test_the_same_seed_sheds_the_same_leaves():
+    """Repeat a gale bit for bit, and lose other leaves with another seed."""
+    runs = []
+    for seed in (4, 4, 5):
+        simulation = simulate(35.0, seed=seed)
+        simulation.step(60)
+        runs.append(simulation.leaf_poses())
+    assert np.array_equal(runs[0], runs[1]) and not np.array_equal(runs[0], runs[2])
+
+
 @pytest.mark.parametrize('exponent', [-0.5, -1.0, -1.3])
 def test_foliage_folds_by_the_vogel_exponent_of_its_species(exponent):
     """Let the drag of leaves grow with u^(2 + V) from 10 to 25 m/s, else with the square."""

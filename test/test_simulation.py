@@ -34,7 +34,7 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.recording.recorder import Recorder
 from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import Simulation
+from procphys_ros.simulation import EventLog, Simulation
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.stages import Stage, STAGES
 from procphys_ros.wallgrammar import WallGrammar
@@ -423,6 +423,14 @@ def test_what_is_gone_takes_no_force():
     for command in (simulation.apply_impulse, simulation.apply_wrench):
         with pytest.raises(CommandError, match='exists no more'):
             command(3, (1.0, 0.0, 0.0))
+
+
+def test_a_log_of_nothing_stays_empty():
+    """Record what broke a thousand times without anything broken: nothing is kept."""
+    log, none = EventLog(), np.zeros(0, np.intp)
+    for _ in range(1000):
+        log.record(0.0, np.zeros((0, 3)), none, np.zeros((0, 2), np.intp), none, none)
+    assert not log._chunks and log.total == 0 and not len(log.rows)
 
 
 def test_a_load_given_in_a_step_acts_in_that_step():

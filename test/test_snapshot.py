@@ -141,6 +141,9 @@ def test_a_reset_begins_anew_and_repeats_the_run():
     assert (simulation.time, simulation.bonds_broken, len(simulation.dust.ages)) == (0.0, 0, 0)
     assert len(simulation.poses) == len(simulation.scene.blueprint)
     assert simulation.exists.all()
+    simulation.step(5)  # in still air
+    np.testing.assert_allclose(simulation.poses, simulation.blueprint.poses, atol=1e-9)
+    simulation.reset()
     np.testing.assert_array_equal(simulation.poses, simulation.blueprint.poses)
     assert_same(stirred(simulation, 0.5), first)
     assert simulation.state.carrier.max() == bodies

@@ -29,7 +29,7 @@ from procphys_ros.physics.world import BodyState, Contacts, installed_engines, W
 from procphys_ros.scene import Scene
 from procphys_ros.scene.settings import Settings
 from procphys_ros.scene.strikes import Projectile
-from procphys_ros.simulation import fragments, masonry, Simulation
+from procphys_ros.simulation import Cause, fragments, masonry, Simulation
 
 GRAVITY = 9.81
 
@@ -230,6 +230,8 @@ def test_the_work_of_fracture_slows_what_goes_through():
     assert first.work > 1.0
     assert first.carried[1] == pytest.approx(struck * left, rel=0.01)
     assert first.lost[1] == pytest.approx(200.0 * (10.0 - left), rel=0.01)
+    loads = simulation.events['load'][simulation.events['cause'] == Cause.IMPACT]
+    assert len(loads) > 5 and (loads > 1.0).all()
 
 
 @pytest.mark.parametrize(('height', 'speed'), [

@@ -206,6 +206,13 @@ def test_weight_of_what_hangs_stiffens_and_thins_the_damping():
     assert thin * fast == pytest.approx(thick * slow, rel=0.05)
 
 
+def test_damping_ratio_holds_on_side_branches():
+    """Expect each branch's dampers from its own frequency: a thin one is damped less per k."""
+    forest = Forest(bush())
+    rate = forest._model.swing[:, 1] / forest._model.swing[:, 0]
+    assert np.all(rate > 0.0) and rate.max() > 3.0 * rate.min()
+
+
 def test_rest_is_exact():
     """Expect a preloaded tree to stay at its authored pose to the last bit."""
     blueprint = bush()

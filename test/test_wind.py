@@ -711,6 +711,13 @@ def test_gusts_add_and_show_at_the_reference(steady):
     np.testing.assert_array_equal(steady.at_reference(3.0).gust, 0.0)
 
 
+def test_gusts_long_gone_are_forgotten(steady):
+    """Start many gusts over a long time and keep only those that may still be felt."""
+    for start in range(0, 100000, 1000):
+        steady.start_gust(Gust(4.0, 6.0), float(start))
+    assert len(steady._gusts) == 1
+
+
 def test_gust_in_still_air_needs_a_direction():
     """Refuse a gust without direction in still air; take one with."""
     wind = Wind(WindSettings())
