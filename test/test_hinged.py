@@ -156,9 +156,11 @@ def test_a_storm_opens_doors_and_tears_some_off():
     simulation.step(120)
     assert max(map(abs, _positions(simulation).values())) < 0.01
     simulation.set_wind((0.0, -38.0, 0.0))
-    simulation.step(300)
     left = _positions(simulation)
-    assert len(left) < 4 or max(map(abs, left.values())) > 0.5
+    while len(left) == 4 and max(map(abs, left.values())) <= 0.5:
+        assert simulation.time < 7.0
+        simulation.step(10)
+        left = _positions(simulation)
 
 
 def test_a_wall_that_falls_lets_its_door_go():

@@ -159,12 +159,12 @@ def test_a_motor_brakes_in_time_for_its_target(rate, body, value, push, weight):
     """Drive a joint to a position: it takes the time of full thrust, top speed and full brake."""
     simulation = simulate(body, time_step=1.0 / rate)
     simulation.drive_joint('m/drive', 'position', value)
-    way = []
-    for _ in range(5 * rate):
-        simulation.step()
-        way.append(abs(simulation.joints.position[0]))
     top, pull = (radians(60.0) if 'hinge' in body else 2.0), np.sign(value) * weight
     shortest = abs(value) / top + 0.5 * top / (push + pull) + 0.5 * top / (push - pull)
+    way = []
+    for _ in range(round((shortest + 1.0) * rate)):
+        simulation.step()
+        way.append(abs(simulation.joints.position[0]))
     shortest -= np.sqrt(2.0 * 0.005 * abs(value) / (push - pull))  # that the last 0.5 % take
     arrived = (np.flatnonzero(np.array(way) < 0.995 * abs(value))[-1] + 1) / rate
     assert arrived == pytest.approx(shortest, abs=0.01 + 3.0 / rate)
