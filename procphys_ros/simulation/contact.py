@@ -33,6 +33,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.impact import contact_time
+from procphys_ros.physics.masonry.standing_loads import TOGETHER
 from procphys_ros.physics.touch import islands, Partners, resolve, slips
 from procphys_ros.physics.trees import ContactResponse
 from procphys_ros.physics.world import BodyState
@@ -46,16 +47,15 @@ from procphys_ros.simulation import (
 )
 from procphys_ros.simulation.blows import STILL
 from procphys_ros.simulation.contact_pairs import Pairs, TreeContacts
+from procphys_ros.simulation.fragments import WOOD_FRICTION
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.state import State
-from procphys_ros.simulation.wall_loads import DEBRIS_INTERVAL
 
 _ROUNDING = 1e-5  # [J/kg] gain allowed per step
 _SOLVED = 0.02    # relative accuracy of the solution of contacts
 _HEAVY = 200.0    # [N] on one brick; smaller forces, such as of twigs in the wind, load no wall
 _LEAST = 1.0      # [N] below which a force is dropped
 _LAYER = 'branches'
-_FRICTION = 0.6  # bark on soil, brick or bark
 _SLOP = 0.002    # [m] overlap that is left alone, so that resting contacts persist
 _RECOVERY = 0.2  # share of a deeper overlap that is undone per step
 _PUSH_OUT = 0.5  # [m/s] speed of this recovery at most
@@ -167,11 +167,11 @@ def press_walls(model: Model, state: State, dt: float) -> None:
         on_brick = contacts.part >= 0
         np.maximum.at(speed, contacts.part[on_brick], contacts.speed[on_brick])
         masonry.apply_impulses(state, both[struck], blow[struck], speed=speed[both[struck]])
-    mean -= expm1(-dt / DEBRIS_INTERVAL) * beyond
+    mean -= expm1(-dt / TOGETHER) * beyond
     felt = (norm(mean[:, :3], axis=1) > _LEAST) | (beats > _LEAST)
     own.parts, own.mean, own.blow = both[felt], mean[felt], blow[felt]
     own.since += dt
-    if own.since > DEBRIS_INTERVAL - 1e-9 or not len(own.parts):
+    if own.since > TOGETHER - 1e-9 or not len(own.parts):
         own.since = 0.0
         heavy = standing[own.parts] & (norm(own.mean[:, :3], axis=1) > _HEAVY)
         state.loads.follow(_LAYER, own.parts[heavy], own.mean[heavy])
@@ -284,7 +284,7 @@ def _solve(model: Model, state: State, pairs: Pairs,
     partners, bodies = _partners(model, state, pairs, end, other, dt)
     air = None if state.trees.still else state.trees.air
     problem = _Problem(pairs, partners, partners.motion.copy(), np.zeros((len(end), 3)),
-                       np.full(len(end), _FRICTION), _tree_mass(state, pairs),
+                       np.full(len(end), WOOD_FRICTION), _tree_mass(state, pairs),
                        partial(_look_ahead, model, state, rows[order], points[order], dt, air,
                                both, order))
     old = state.world.bodies.velocities[bodies]

@@ -38,8 +38,8 @@ from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import box_drag, Owner
 from procphys_ros.simulation.state import State
 
-_WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
-_NEGLIGIBLE = 0.05  # [m/s²] drag that does not justify setting a velocity, 0.5 % of gravity
+WOOD_FRICTION = 0.6  # green wood and bark on soil or wood
+NEGLIGIBLE = 0.05  # [m/s²] by the air, which changes no motion and wakes nothing, 0.5 % of gravity
 _IDENTITY = np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])  # the part's frame is the body's
 _WIND_INTERVAL = 0.1  # [s] between checks
 _FASTEST = 120.0  # [m/s] above any wind
@@ -76,7 +76,7 @@ def _joined(model: Model, state: State, parts: np.ndarray, poses: np.ndarray,
     order = np.argsort(parts, kind='stable')
     parts, poses, velocities = np.asarray(parts)[order], poses[order], velocities[order]
     columns = state.parts
-    friction = FRICTION if columns.shape[parts[0]] == Shape.BOX else _WOOD_FRICTION
+    friction = FRICTION if columns.shape[parts[0]] == Shape.BOX else WOOD_FRICTION
     sizes, hexahedra = columns.solid_size[parts], model.blueprint.hexahedra.among(parts)
     if len(parts) == 1:
         part = int(parts[0])
@@ -157,7 +157,7 @@ def apply_drag(model: Model, state: State, dt: float) -> None:
     share = -expm1(-rate * dt)[:, None]
     velocities[:, :3] += share * slip
     velocities[:, 3:] *= 1.0 - share
-    felt = rate * norm(slip, axis=1) > _NEGLIGIBLE
+    felt = rate * norm(slip, axis=1) > NEGLIGIBLE
     state.world.set_velocities(awake[felt], velocities[felt])
 
 

@@ -30,13 +30,13 @@ from procphys_ros.scene import Settings
 from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.simulation import breaking, contact_exclusions
 from procphys_ros.simulation.composite_inertia import accelerations
+from procphys_ros.simulation.fragments import NEGLIGIBLE
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
 from procphys_ros.simulation.state import MechanismState, State
 
 ENGINE = 'native'  # that has joints
 _LAYER = 'hinges'
-_NEGLIGIBLE = 0.05  # [m/s²] by the wind, which wakes no plate, 0.5 % of gravity
 _ALONG = (JointType.HINGE, JointType.SLIDER, JointType.ROPE)  # kinds with one displacement
 _DRIVEN = (JointType.HINGE, JointType.SLIDER)
 # Middles of the 3 by 3 equal patches of a plate, over its extents.
@@ -249,7 +249,7 @@ def press_plates(model: Model, state: State, dt: float) -> None:
     body, mass = state.parts.body[parts], state.parts.mass[parts]
     # Explicit, so no more than stops the plate in the air.
     share = (dt / np.maximum(1.0, rate * dt / mass))[:, None]
-    felt = norm(force, axis=1) > _NEGLIGIBLE * mass
+    felt = norm(force, axis=1) > NEGLIGIBLE * mass
     state.world.wake(body[felt & rests])
     used = np.flatnonzero(felt | ~rests)
     ids, owner = np.unique(body[used], return_inverse=True)

@@ -20,6 +20,7 @@ from procphys_ros.blueprint import Shape
 from procphys_ros.geometry.linear import cross
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import exposed_faces, Skin, WallPressure
+from procphys_ros.physics.masonry.standing_loads import TOGETHER
 from procphys_ros.physics.world import Contacts
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
@@ -30,8 +31,6 @@ _BREEZE = 60.0          # [Pa] dynamic pressure, 10 m/s, that walls withstand wi
 _WIND_CHANGE = 0.25     # of the dynamic pressure that was last applied
 _GONE = 0.02            # share of lost standing parts that requires a new survey of the faces
 _WIND_LAYER = 'wind'
-DEBRIS_INTERVAL = 0.1   # [s] over which impulses of loose bodies count as a steady load: about
-#                         two periods of a storey-high wall, which averages shorter ones
 _TRACE = 1.0            # [N], [N·m] at which the load of a loose body has faded
 DEBRIS_LAYER = 'debris'
 
@@ -135,7 +134,7 @@ def press_debris(model: Model, state: State, dt: float) -> None:
     _press_parts(state, standing, state.world.contacts(), 1.0, own.given)
     _press_parts(state, standing, state.world.slept, dt, own.given)
     own.since += dt
-    if own.since < DEBRIS_INTERVAL - 1e-9:
+    if own.since < TOGETHER - 1e-9:
         return
     load = own.given / own.since
     own.given, own.since = np.zeros_like(own.given), 0.0
@@ -155,7 +154,7 @@ def passing(state: State, parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     loaded, wrenches = state.loads.layer(DEBRIS_LAYER)
     there = np.isin(loaded, parts)
     return loaded[there], (state.rubble.rocked[loaded[there]]
-                           + DEBRIS_INTERVAL * wrenches[there, :3])
+                           + TOGETHER * wrenches[there, :3])
 
 
 def let_rock(state: State, parts: np.ndarray, impulses: np.ndarray) -> None:

@@ -21,7 +21,7 @@ import numpy as np
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.masonry import StressSolver
 
-_TOGETHER = 0.1  # [s] loads that change within this time act together: about two periods of a
+TOGETHER = 0.1   # [s] loads within this time act together, as their mean: about two periods of a
 #                  storey-high wall, which has not responded to the first of them before
 _NOTICED = 0.05  # of the largest force of a source: smaller changes need no new stresses, ...
 _FAINT = 50.0    # [N] ... nor do those far below the strength of a brick's joints, some kN
@@ -223,7 +223,7 @@ class StandingLoads:
             return
         if self._open:
             self._open, self._opened = False, time
-        elif time > self._opened + _TOGETHER:
+        elif time > self._opened + TOGETHER:
             return
         if self._waiting is not None:
             self._blows = _strongest(self._blows, self._waiting)
