@@ -18,7 +18,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 import numbers
-from typing import Any
+from typing import Any, ClassVar, Self
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 
@@ -144,37 +144,71 @@ def declared(default: Any, description: str, unit: str = '', low: float = -LARGE
     return field(default=default, metadata={_KEY: parameter})
 
 
-def parameters(kind: type, group: str = '', **about: Any) -> tuple[Parameter, ...]:
+class ParameterGroup:
     """
-    Return the parameters that the fields of a dataclass declare, in their order.
+    Base of the frozen dataclasses of settings: checks declared fields while one is made.
 
-    :param group: prefix of their names.
+    Meaning, unit and range of a field stand in its declaration only.
+
+    :ivar group: what the names of its parameters begin with; '' = nothing.
+    :ivar error: class of the exceptions.
+    """
+
+    group: ClassVar[str]
+    error: ClassVar[type[ProcPhysError]]
+
+    def __init_subclass__(cls, group: str = '',
+                          error: type[ProcPhysError] = SceneError) -> None:
+        cls.group, cls.error = group, error
+
+    def __post_init__(self) -> None:
+        self.check(self.group)
+
+    def check(self, group: str) -> None:
+        """
+        Check the fields, and convert them to their types; None stays where it is the default.
+
+        :param group: prefix of names in messages.
+        :raises ProcPhysError: of the class `error`, naming parameter, value and what is allowed.
+        """
+        for parameter in parameters(type(self)):
+            name = parameter.name.rpartition('.')[2]
+            value = getattr(self, name)
+            if value is None and parameter.optional:
+                continue
+            try:
+                value = parameter.read(value, f'{group}.{name}' if group else name)
+            except SceneError as problem:
+                raise self.error(str(problem)) from None
+            object.__setattr__(self, name, tuple(value) if isinstance(value, list) else value)
+
+    @classmethod
+    def read(cls, parameters: Mapping[str, Any]) -> Self:
+        """
+        Read the group from nested parameters; what is not given has its default.
+
+        :raises SceneError: naming the key and what is allowed; else as `check`.
+        """
+        given = parameters.get(cls.group, {})
+        known = [f.name for f in fields(cls)]  # type: ignore[arg-type]
+        if not isinstance(given, Mapping):
+            raise SceneError(f'{cls.group} is {given!r}, it must be a group of {", ".join(known)}')
+        for key in given:
+            if key not in known:
+                raise SceneError(f'{cls.group}.{key}: there is no such key'
+                                 f'{nearest_names(str(key), known)} (known: {", ".join(known)})')
+        return cls(**given)
+
+
+def parameters(kind: type[ParameterGroup], **about: Any) -> tuple[Parameter, ...]:
+    """
+    Return the parameters that the fields of a group declare, in their order.
+
     :param about: fields of `Parameter` that all have in common, such as `takes_effect`.
     """
-    prefix = f'{group}.' if group else ''
+    prefix = f'{kind.group}.' if kind.group else ''
     return tuple(replace(f.metadata[_KEY], name=prefix + f.name, **about)
-                 for f in fields(kind) if _KEY in f.metadata)
-
-
-def check(settings: Any, group: str = '', error: type[ProcPhysError] = SceneError) -> None:
-    """
-    Check the fields of a dataclass while it is made, and convert them to their types.
-
-    :param settings: the dataclass; None stays where it is the default.
-    :param group: prefix of names in messages.
-    :param error: class of the exception.
-    :raises ProcPhysError: of that class, naming the parameter, the value and what is allowed.
-    """
-    for parameter in parameters(type(settings), group):
-        name = parameter.name.rpartition('.')[2]
-        value = getattr(settings, name)
-        if value is None and parameter.optional:
-            continue
-        try:
-            value = parameter.read(value)
-        except SceneError as problem:
-            raise error(str(problem)) from None
-        object.__setattr__(settings, name, tuple(value) if isinstance(value, list) else value)
+                 for f in fields(kind) if _KEY in f.metadata)  # type: ignore[arg-type]
 
 
 def read_words(words: Sequence[str], kind: Any) -> dict[str, Any]:

@@ -46,7 +46,7 @@ class LidarPublisher:
     def apply(self, names: set[str]) -> None:
         """Apply changed parameters."""
         if any(name.startswith('lidar.') for name in names):
-            self._settings = LidarSettings(**self._parameters.nested()['lidar'])
+            self._settings = LidarSettings.read(self._parameters.nested())
 
     def look(self, simulation: Simulation) -> None:
         """Publish a scan if one is due at the present time of a simulation."""

@@ -99,7 +99,7 @@ class Loading:
         :param answer: called, in another thread, with the result or the reason.
         :raises ProcPhysError: if the parameters are invalid.
         """
-        wanted = Spawn(**self._parameters.nested().get('spawn', {}))
+        wanted = Spawn.read(self._parameters.nested())
         self.begin_spawn(wanted, lambda made: self._session.spawn(wanted, made), answer)
 
     def begin_spawn(self, wanted: Spawn, join: Callable[[Blueprint], str],

@@ -207,7 +207,7 @@ class Parameters:
 def _check_groups(values: Mapping[str, Any]) -> None:
     """Raise SceneError if individually valid values are invalid together."""
     carriers = (INTRUDER, *read_settings(values).intruders.names)
-    carrier = LidarSettings(**values.get('lidar', {})).attached_to
+    carrier = LidarSettings.read(values).attached_to
     if carrier and carrier not in carriers:
         raise SceneError(f'lidar.attached_to: there is no intruder "{carrier}"'
                          f'{nearest_names(carrier, carriers)}')

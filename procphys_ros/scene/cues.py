@@ -15,7 +15,7 @@
 
 """Cues: timed events of a scene."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import math
 from typing import Any
@@ -27,38 +27,26 @@ from procphys_ros.scene.joint_drive import DriveJoint
 from procphys_ros.scene.plants import Grow
 from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
-from procphys_ros.schema import check, clip, declared, read_words
+from procphys_ros.schema import clip, declared, ParameterGroup, read_words
 
 _LATEST = 1e6  # [s]
 _FORM = '"<seconds> <verb> name=value …", such as "2.5 launch mass=300 velocity=0,20,0"'
 
 
 @dataclass(frozen=True)
-class Blow:
-    """
-    Impulse on a part.
-
-    :ivar target: name or index of the part.
-    :ivar linear: [N·s], (3,), world axes.
-    :ivar angular: [N·m·s], (3,).
-    :raises SceneError: when a value is invalid; the message names it.
-    """
+class Blow(ParameterGroup, group='impulse'):
+    """Impulse on a part."""
 
     target: str = declared('', 'part that ~/apply_impulse hits, as oak_0/17 or an index')
     linear: Sequence[float] = declared(
         (0.0, 0.0, 0.0), 'impulse at its centre of mass', 'N·s')
     angular: Sequence[float] = declared((0.0, 0.0, 0.0), 'angular impulse', 'N·m·s')
 
-    def __post_init__(self) -> None:
-        check(self, 'impulse')
 
-
-_VERBS: dict[str, tuple[str, Callable[..., Any]]] = {
-    'gust': ('gust', Gust), 'wind': ('', MeanWind), 'impulse': ('impulse', Blow),
-    'launch': ('projectile', Projectile), 'explode': ('explosion', Explosion),
-    'demolish': ('demolition', Demolition), 'cut': ('cut', Cut),
-    'earthquake': ('earthquake', Earthquake), 'grow': ('grow', Grow), 'joint': ('', DriveJoint),
-    'load': ('load', SnowLoad)}
+_VERBS: dict[str, type[ParameterGroup]] = {
+    'gust': Gust, 'wind': MeanWind, 'impulse': Blow, 'launch': Projectile, 'explode': Explosion,
+    'demolish': Demolition, 'cut': Cut, 'earthquake': Earthquake, 'grow': Grow,
+    'joint': DriveJoint, 'load': SnowLoad}
 
 
 @dataclass(frozen=True)
@@ -102,9 +90,10 @@ def _read(text: str, number: int, parameters: Mapping[str, Any]) -> Cue:
             near = nearest_names(verb[:99], _VERBS)
             raise SceneError(f'there is no verb "{clip(verb)}"{near} ({", ".join(_VERBS)}); the '
                              f'form is {_FORM}')
-        group, kind = _VERBS[verb]
-        base = parameters.get(group, {})
-        base = dict(base) if isinstance(base, Mapping) else {}
+        kind = _VERBS[verb]
+        base = parameters.get(kind.group)
+        # Those of wind.* are not what it changes to.
+        base = dict(base) if isinstance(base, Mapping) and kind is not MeanWind else {}
         return Cue(_seconds(time), text, kind(**{**base, **read_words(words, kind)}))
     except ProcPhysError as error:
         raise SceneError(f'scene.cues[{number}] "{clip(text)}": {error}') from error

@@ -17,30 +17,20 @@
 
 from dataclasses import dataclass
 
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _MOST_STEPS = 4  # longer intervals smooth away the sway of small branches
 
 
 @dataclass(frozen=True)
-class CullingSettings:
+class CullingSettings(ParameterGroup, group='culling'):
     """
     Independent schemes that save work, all off by default.
 
     All but sleeping need an observer, and do nothing before there is one.
 
-    :ivar distance: trees further from the observer stand still [m]; 0 = none do.
-    :ivar frustum: whether trees outside the observer's widened view stand still.
-    :ivar field_of_view: vertical opening of the view [rad].
-    :ivar aspect: width over height of the picture.
-    :ivar widening: by which the view is opened on each side [rad].
-    :ivar sleeping: whether trees that have come to rest in still air stop being stepped.
-    :ivar far_distance: beyond which trees count as far [m].
     :ivar far_interval: most steps between updates of far trees, which wait one step more for
         every `far_distance` that they are away; 1 = update in every step.
-    :ivar debris_distance: debris further from the observer [m] breaks into few large pieces,
-        which stand for many small ones; 0 = nowhere.
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     distance: float = declared(
@@ -57,9 +47,6 @@ class CullingSettings:
     debris_distance: float = declared(
         0.0, 'what falls further from ~/observer breaks into few large pieces; 0 = nowhere', 'm',
         0.0, 1e6)
-
-    def __post_init__(self) -> None:
-        check(self, 'culling')
 
     @property
     def spares_trees(self) -> bool:

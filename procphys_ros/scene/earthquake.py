@@ -20,42 +20,22 @@ from dataclasses import dataclass
 
 from procphys_ros.elementary import hypot
 from procphys_ros.errors import CommandError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 
 @dataclass(frozen=True)
-class GroundSettings:
-    """
-    Describe how the ground of a scene can move.
-
-    :ivar motion: files of a recorded motion.
-    :raises SceneError: when a value is invalid; the message names it.
-    """
+class GroundSettings(ParameterGroup, group='ground'):
+    """Describe how the ground of a scene can move."""
 
     motion: Sequence[str] = declared(
         (), 'record that earthquakes follow: a CSV file of time and one to three accelerations, '
         'or one to three PEER files (.AT2): along earthquake.direction, to its left, up; none = '
         'earthquakes are synthetic', takes_effect='reload')
 
-    def __post_init__(self) -> None:
-        check(self, 'ground')
-
 
 @dataclass(frozen=True)
-class Earthquake:
-    """
-    Describe an earthquake.
-
-    :ivar scale: of the accelerations of a record.
-    :ivar start: of the record, that is left out [s].
-    :ivar direction: of its first component, or of the strongest shaking, (3,), world, level.
-    :ivar peak: greatest acceleration of a synthetic motion [m/s²]; the others are for these, too.
-    :ivar duration: of the noise that it is made from [s].
-    :ivar frequency: of the soil [Hz].
-    :ivar damping: ratio of the soil.
-    :ivar seed: beside that of the scene.
-    :raises CommandError: when a value is out of its range.
-    """
+class Earthquake(ParameterGroup, group='earthquake', error=CommandError):
+    """Describe an earthquake."""
 
     scale: float = declared(1.0, 'of the accelerations of ground.motion', '', -100.0, 100.0)
     start: float = declared(0.0, 'of ground.motion, that is left out', 's', 0.0, 1e6)
@@ -70,7 +50,7 @@ class Earthquake:
     seed: int = declared(0, 'of a synthetic motion, beside that of the scene', '', 0, 2**31 - 1)
 
     def __post_init__(self) -> None:
-        check(self, 'earthquake', CommandError)
+        super().__post_init__()
         x, y, z = self.direction
         if z != 0.0 or not hypot(x, y) > 0.0:
             raise CommandError(f'earthquake.direction is {list(self.direction)}, it must be level '

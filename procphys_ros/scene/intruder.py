@@ -22,22 +22,15 @@ import numpy as np
 
 from procphys_ros.errors import SceneError
 from procphys_ros.scene.solids import edges_of, SHAPES
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _LARGEST = 50.0  # [m]
 FASTEST_SAW = 10.0  # [m/s]
 
 
 @dataclass(frozen=True)
-class IntruderSettings:
-    """
-    Collision body of a robot, a drone or a vehicle of another simulator.
-
-    :ivar shape: 'sphere' or 'box'.
-    :ivar size: edges along its axes [m], (3,); a single number gives all three.
-    :ivar cuts: how fast it saws through what it touches [m/s]; 0 = it does not.
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class IntruderSettings(ParameterGroup, group='intruder'):
+    """Collision body of a robot, a drone or a vehicle of another simulator."""
 
     shape: str = declared('box', 'of the body that ~/intruder moves', choices=SHAPES)
     size: float | Sequence[float] = declared(
@@ -47,7 +40,7 @@ class IntruderSettings:
         'pushes', 'm/s', 0.0, FASTEST_SAW)
 
     def __post_init__(self) -> None:
-        check(self, 'intruder')
+        super().__post_init__()
         object.__setattr__(self, 'size', tuple(self.edges.tolist()))  # however it was written
 
     @property
@@ -57,17 +50,9 @@ class IntruderSettings:
 
 
 @dataclass(frozen=True)
-class Downwash:
-    """
-    Jet of air below the rotors of an intruder.
-
-    :ivar radius: of one disk as large as all rotors [m].
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class Downwash(ParameterGroup, group='downwash'):
+    """Jet of air below the rotors of an intruder."""
 
     radius: float = declared(
         0.3, 'of one disk as large as all rotors of the intruder whose thrust ~/downwash sets',
         'm', 0.01, 20.0)
-
-    def __post_init__(self) -> None:
-        check(self, 'downwash')

@@ -26,7 +26,7 @@ from procphys_ros.files.file_bounds import named_by
 from procphys_ros.physics.world.pieces import Pieces, single
 from procphys_ros.scene.intruder import FASTEST_SAW
 from procphys_ros.scene.mesh import boxes_in, read_mesh
-from procphys_ros.schema import check, declared, short
+from procphys_ros.schema import declared, ParameterGroup, short
 
 INTRUDER = 'intruder'  # the one that `intruder.*` describes
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
@@ -35,16 +35,8 @@ _NUMBERS = {'sphere': 1, 'box': 3, 'capsule': 2}
 
 
 @dataclass(frozen=True)
-class IntrudersSettings:
-    """
-    Collision bodies of robots, drones or vehicles of another simulator.
-
-    :ivar names: of the bodies.
-    :ivar shapes: of each: 'sphere DIAMETER', 'box X Y Z', 'capsule DIAMETER LENGTH' along z, over
-        the round ends, or 'mesh FILE [SCALE]' [m].
-    :ivar cuts: how fast each saws [m/s]; () = none does.
-    :raises SceneError: when one is invalid; the message names it.
-    """
+class IntrudersSettings(ParameterGroup, group='intruders'):
+    """Collision bodies of robots, drones or vehicles of another simulator."""
 
     names: tuple[str, ...] = declared((), 'bodies that ~/intruders moves, in its order')
     shapes: tuple[str, ...] = declared(
@@ -55,7 +47,7 @@ class IntrudersSettings:
         FASTEST_SAW, any_length=True)
 
     def __post_init__(self) -> None:
-        check(self, 'intruders')
+        super().__post_init__()
         if len(self.names) != len(self.shapes):
             raise SceneError(f'intruders.names has {len(self.names)} entries, intruders.shapes '
                              f'{len(self.shapes)}; each name needs one shape')

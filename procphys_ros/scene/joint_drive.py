@@ -17,29 +17,23 @@
 from dataclasses import dataclass
 
 from procphys_ros.errors import CommandError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _FASTEST = 1e6  # [m], [rad], [m/s], [rad/s], [N] and [N·m], beyond any motor
 MODES = ('position', 'velocity', 'effort')
 
 
 @dataclass(frozen=True)
-class DriveJoint:
+class DriveJoint(ParameterGroup, group='joint', error=CommandError):
     """
     Let a joint move to a displacement, or at a speed, or drive it with a force or moment.
 
     A position or velocity is held with the force that the motor has; an effort above that is
     limited to it. A position is approached at the highest speed of the motor.
 
-    :ivar target: name of the joint, `<object>/<joint>`.
-    :ivar mode: 'position', 'velocity' or 'effort'.
     :ivar value: [m] or [rad], [m/s] or [rad/s], [N] or [N·m]; an effort of 0 = the motor is off.
-    :raises CommandError: when a value is out of its range.
     """
 
     target: str = declared('', 'name of the joint, as crane/slew')
     mode: str = declared('velocity', 'what it is driven to', choices=MODES)
     value: float = declared(0.0, 'that', '', -_FASTEST, _FASTEST)
-
-    def __post_init__(self) -> None:
-        check(self, 'joint', CommandError)

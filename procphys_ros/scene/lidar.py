@@ -19,27 +19,14 @@ from dataclasses import dataclass
 import math
 
 from procphys_ros.errors import SceneError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _MOST_RAYS = 1_000_000
 
 
 @dataclass(frozen=True)
-class LidarSettings:
-    """
-    Range sensor.
-
-    :ivar rate: scans per second of simulated time [Hz]; 0 = none.
-    :ivar pattern: 'spherical' as a lidar, 'pinhole' as a depth camera.
-    :ivar rows, columns: number of rays.
-    :ivar vertical_field, horizontal_field: of view [rad].
-    :ivar range: longest [m].
-    :ivar position: [m], (3,); in the world, or on the intruder that it is attached to.
-    :ivar rotation: roll, pitch and yaw [rad], (3,), likewise.
-    :ivar attached_to: name of an intruder; '' = it stands in the world.
-    :ivar frame: of its points, x ahead, z up; '' = they are given in the world.
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class LidarSettings(ParameterGroup, group='lidar'):
+    """Range sensor."""
 
     rate: float = declared(0.0, 'scans on ~/lidar per simulated second; 0 = none', 'Hz', 0.0,
                            240.0)
@@ -59,7 +46,7 @@ class LidarSettings:
                           'empty = in world_frame')
 
     def __post_init__(self) -> None:
-        check(self, 'lidar')
+        super().__post_init__()
         if self.rows * self.columns > _MOST_RAYS:
             raise SceneError(f'lidar.rows x lidar.columns is {self.rows * self.columns} rays, it '
                              f'must not exceed {_MOST_RAYS}')

@@ -22,7 +22,7 @@ from typing import Any
 
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.scene.layout import LAYOUTS
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _SCENE_KEYS = ('objects', 'cues')
 MAX_COUNT = 100_000  # instances of one object; beyond it no machine would hold the parts
@@ -32,24 +32,11 @@ _DEFINE = re.compile(r'\s*([A-Za-z_]\w*)\s*=\s*([-+0-9.eE]+)\s*\Z')
 
 
 @dataclass(frozen=True)
-class ObjectSpec:
+class ObjectSpec(ParameterGroup):
     """
     One object of a scene, as its parameters `<name>.…` describe it.
 
     :ivar name: instances are called after it.
-    :ivar grammar: file that holds the grammar; empty when `grammar_text` is given.
-    :ivar grammar_text: the grammar itself; empty when `grammar` is given.
-    :ivar defines: values that override the grammar's own, as 'name=number'.
-    :ivar count: number of instances; 0 = one, called by the bare name.
-    :ivar layout: how instances are placed, one of `LAYOUTS`.
-    :ivar spacing: distance between instances [m].
-    :ivar origin: where the layout is centred [m], (3,).
-    :ivar on: object that every instance stands on and is bonded to; empty = the ground.
-    :ivar yaw: turn of the layout about its origin, and so of every instance, too [rad].
-    :ivar seed: seed of the first instance; -1 = from the seed of the scene.
-    :ivar variants: number of different individuals among the instances; 0 = all differ.
-    :ivar steps: derivation steps of its L-system; -1 = as many as the grammar says.
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     name: str
@@ -78,7 +65,7 @@ class ObjectSpec:
                           'begin young and grow on; -1 = as the grammar says', '', -1, MAX_STEPS)
 
     def __post_init__(self) -> None:
-        check(self, self.name)
+        self.check(self.name)
         read_defines(self.defines, f'{self.name}.defines')
         if bool(self.grammar) == bool(self.grammar_text):
             raise SceneError(f'{self.name}: give either {self.name}.grammar (a file) or '

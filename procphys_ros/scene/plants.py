@@ -25,7 +25,7 @@ from procphys_ros.lsystem import grow, Growth
 from procphys_ros.lsystem.growth import Drawn, GrownString
 from procphys_ros.physics.terrain import Terrain
 from procphys_ros.scene.placement import stand_on
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _FASTEST = 30.0  # [years/s]
 _LONGEST = 1000  # [years]
@@ -95,21 +95,11 @@ def advance(plants: Mapping[str, ScenePlant], stand: Stand, strings: Mapping[str
 
 
 @dataclass(frozen=True)
-class Grow:
-    """
-    Let plants grow on, a derivation step of their grammars per year.
-
-    :ivar target: object, or the objects called <target>_0, <target>_1, …; '' = all plants.
-    :ivar rate: [years/s]; 0 = they stop as they are.
-    :ivar years: after which they stop, whole ones from the next on.
-    :raises CommandError: when a value is out of its range; the message names it and the range.
-    """
+class Grow(ParameterGroup, group='grow', error=CommandError):
+    """Let plants grow on, a derivation step of their grammars per year."""
 
     target: str = declared('', 'plants that ~/grow lets grow on, an object or all called '
                            '<target>_0, <target>_1, …; empty = all')
     rate: float = declared(1.0, 'of their growth, in steps of their grammars; 0 = they stop as '
                            'they are', 'years/s', 0.0, _FASTEST)
     years: int = declared(10, 'whole years that they grow on', 'years', 0, _LONGEST)
-
-    def __post_init__(self) -> None:
-        check(self, 'grow', CommandError)

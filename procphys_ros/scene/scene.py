@@ -44,7 +44,7 @@ from procphys_ros.scene.placement import stand_on, unbonded
 from procphys_ros.scene.plan import read_plan
 from procphys_ros.scene.plants import ScenePlant, Stand
 from procphys_ros.scene.settings import read_settings, Settings
-from procphys_ros.scene.shards import read_shard, Shard
+from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.soundness import check_blueprint
 from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN
 from procphys_ros.scene.streets import lay_out
@@ -184,7 +184,7 @@ class Scene:
                             wind_map=read_wind_map(settings.wind.map, beside),
                             ground_record=read_ground_record(settings.motion.motion, beside),
                             terrain=make_terrain(settings.ground, settings.seed, beside)))
-        scene.shard = read_shard(parameters)
+        scene.shard = Shard.read(parameters)
         scene._add_objects(specs, beside)
         return scene
 

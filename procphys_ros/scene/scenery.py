@@ -19,24 +19,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from procphys_ros.errors import SceneError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 MOTIONS = ('fixed', 'orbit', 'follow')
 
 
 @dataclass(frozen=True)
-class CameraSettings:
-    """
-    Camera of `render`: its place, and its motion in a film.
-
-    :ivar motion: 'fixed', 'orbit' around the target, or 'follow' a part.
-    :ivar part: name of the part that is followed.
-    :ivar position: where it stands at first [m], (3,); None = where the whole scene is seen.
-    :ivar target: what it looks at [m], (3,); None = the middle of the scene, or the part.
-    :ivar field_of_view: vertical [degrees].
-    :ivar period: of one round of an orbit [s].
-    :raises SceneError: when a value is out of its range, or position and target coincide.
-    """
+class CameraSettings(ParameterGroup, group='camera'):
+    """Camera of `render`: its place, and its motion in a film."""
 
     motion: str = declared('fixed', 'how the camera of `render` moves', choices=MOTIONS)
     part: str = declared('', 'name of the part that it follows')
@@ -50,7 +40,7 @@ class CameraSettings:
     period: float = declared(20.0, 'time of one round of an orbit', 's', 0.1, 1e6)
 
     def __post_init__(self) -> None:
-        check(self, 'camera')
+        super().__post_init__()
         for name in ('position', 'target'):
             value = getattr(self, name)
             if value is not None and not any(value):
@@ -63,15 +53,8 @@ class CameraSettings:
 
 
 @dataclass(frozen=True)
-class SunSettings:
-    """
-    Sun of `render`.
-
-    :ivar azimuth: clockwise from north, which is +y [degrees].
-    :ivar elevation: above the horizon [degrees].
-    :ivar strength: of its light, 1 = a clear day.
-    :raises SceneError: when a value is out of its range.
-    """
+class SunSettings(ParameterGroup, group='sun'):
+    """Sun of `render`."""
 
     azimuth: float = declared(
         216.0, 'where the sun of `render` stands, clockwise from north, which is +y', '°',
@@ -79,24 +62,12 @@ class SunSettings:
     elevation: float = declared(40.0, 'its height above the horizon', '°', 3.0, 90.0)
     strength: float = declared(1.0, 'its light; 1 = a clear day', '', 0.0, 2.0)
 
-    def __post_init__(self) -> None:
-        check(self, 'sun')
-
 
 @dataclass(frozen=True)
-class SkySettings:
-    """
-    Sky of `render`.
-
-    :ivar clouds: share of it that they cover, 0 to 1; they dim the sun.
-    :ivar visibility: distance at which things have faded to 37 % [m].
-    :raises SceneError: when a value is out of its range.
-    """
+class SkySettings(ParameterGroup, group='sky'):
+    """Sky of `render`."""
 
     clouds: float = declared(
         0.3, 'share of the sky of `render` that is covered; clouds dim the sun', '', 0.0, 1.0)
     visibility: float = declared(
         2500.0, 'distance at which haze leaves 37 % of what is seen', 'm', 5.0, 1e6)
-
-    def __post_init__(self) -> None:
-        check(self, 'sky')

@@ -16,10 +16,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any, TypeVar
+from typing import Any
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.physics.ground_motion import GroundRecord
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Gust, Record, WindSettings
@@ -36,23 +35,15 @@ from procphys_ros.scene.scenery import CameraSettings, SkySettings, SunSettings
 from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 from procphys_ros.schema import parameters as declarations
-
-_Group = TypeVar('_Group')
 
 
 @dataclass(frozen=True)
-class Settings:
+class Settings(ParameterGroup):
     """
     Settings of the whole scene.
 
-    :ivar seed: seed of everything random.
-    :ivar time_step: [s].
-    :ivar gravity: downward acceleration [m/s²].
-    :ivar engine: of rigid bodies, 'bullet', 'native', or 'auto' for the first installed.
-    :ivar threads: that kernels run on; 0 = one per core.
-    :ivar debris_bodies: moving bodies aimed at, by which pieces break more coarsely.
     :ivar wind: mean wind and turbulence.
     :ivar wind_record: content of `wind.file`; () = there is none.
     :ivar wind_map: content of `wind.map`; () = there is none.
@@ -71,7 +62,6 @@ class Settings:
     :ivar ground_record: content of `motion`; () = earthquakes are synthetic.
     :ivar earthquake: default values of earthquakes.
     :ivar load: snow and ice that lie on it.
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     seed: int = declared(0, 'seed of everything random', '', 0, 2**62)
@@ -106,9 +96,6 @@ class Settings:
     earthquake: Earthquake = field(default_factory=Earthquake)
     load: SnowLoad = field(default_factory=SnowLoad)
 
-    def __post_init__(self) -> None:
-        check(self)
-
     @property
     def saws(self) -> dict[str, float]:
         """Return how fast intruders saw, by name [m/s]; those that do only."""
@@ -134,30 +121,6 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     :raises SceneError: naming the key, the value and what is allowed.
     """
     own = {p.name: parameters[p.name] for p in declarations(Settings) if p.name in parameters}
-    return Settings(**own, wind=_group(parameters, 'wind', WindSettings),
-                    gust=_group(parameters, 'gust', Gust), cues=read_cues(parameters),
-                    trees=_group(parameters, 'trees', TreeSettings),
-                    leaves=_group(parameters, 'leaves', LeafSettings),
-                    dust=_group(parameters, 'dust', DustSettings),
-                    culling=_group(parameters, 'culling', CullingSettings),
-                    intruder=_group(parameters, 'intruder', IntruderSettings),
-                    intruders=_group(parameters, 'intruders', IntrudersSettings),
-                    camera=_group(parameters, 'camera', CameraSettings),
-                    sun=_group(parameters, 'sun', SunSettings),
-                    sky=_group(parameters, 'sky', SkySettings),
-                    ground=_group(parameters, 'terrain', TerrainSettings),
-                    motion=_group(parameters, 'ground', GroundSettings),
-                    earthquake=_group(parameters, 'earthquake', Earthquake),
-                    load=_group(parameters, 'load', SnowLoad))
-
-
-def _group(parameters: Mapping[str, Any], name: str, kind: type[_Group]) -> _Group:
-    given = parameters.get(name, {})
-    known = [f.name for f in fields(kind)]  # type: ignore[arg-type]
-    if not isinstance(given, Mapping):
-        raise SceneError(f'{name} is {given!r}, it must be a group of {", ".join(known)}')
-    for key in given:
-        if key not in known:
-            raise SceneError(f'{name}.{key}: there is no such key'
-                             f'{nearest_names(str(key), known)} (known: {", ".join(known)})')
-    return kind(**given)
+    groups = {f.name: f.default_factory.read(parameters) for f in fields(Settings)
+              if isinstance(f.default_factory, type)}
+    return Settings(**own, **groups, cues=read_cues(parameters))

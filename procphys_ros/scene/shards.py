@@ -14,25 +14,19 @@
 
 """Shards: the partition of a scene among several nodes."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from procphys_ros.errors import SceneError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 
 @dataclass(frozen=True)
-class Shard:
+class Shard(ParameterGroup, group='shard'):
     """
     One node's share of a scene; all shares together are the whole scene, each instance once.
 
     Seeds, places and names do not depend on the shares, so the union of the shares is the scene
     that one node would simulate.
-
-    :ivar index: number of this share, from 0.
-    :ivar count: number of shares.
-    :raises SceneError: when there is no such share.
     """
 
     index: int = declared(0, 'which share of the objects this node simulates', '', 0, 1000)
@@ -40,7 +34,7 @@ class Shard:
         1, 'number of nodes that share the scene, each with another shard.index', '', 1, 1000)
 
     def __post_init__(self) -> None:
-        check(self, 'shard')
+        super().__post_init__()
         if not 0 <= self.index < self.count:
             raise SceneError(f'shard.index is {self.index}, it must lie from 0 to '
                              f'{self.count - 1}, one less than shard.count ({self.count})')
@@ -58,16 +52,3 @@ class Shard:
     def own(self, name: str) -> str:
         """Make a name unique among shares, for an object that only this share receives."""
         return name if self.count == 1 else f'{name}_shard_{self.index}'
-
-
-def read_shard(parameters: Mapping[str, Any]) -> Shard:
-    """
-    Read the share of a scene to simulate.
-
-    :param parameters: nested mapping as a ROS parameter file holds it.
-    :raises SceneError: naming the key, the value and what is allowed.
-    """
-    given = parameters.get('shard', {})
-    if not isinstance(given, Mapping) or not set(given) <= {'index', 'count'}:
-        raise SceneError(f'shard: {given!r} is not a group of index and count')
-    return Shard(**given)

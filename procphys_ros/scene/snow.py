@@ -17,19 +17,12 @@
 from dataclasses import dataclass
 
 from procphys_ros.errors import CommandError
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 
 @dataclass(frozen=True)
-class SnowLoad:
-    """
-    Describe the snow and ice that lie on trees and buildings, or a change of them.
-
-    :ivar snow: on open ground [kg/m²].
-    :ivar ice: thickness of the coat around all twigs and leaves [m].
-    :ivar ramp: time in which a change of them comes about in a running scene [s].
-    :raises CommandError: when a value is out of its range; the message names key and range.
-    """
+class SnowLoad(ParameterGroup, group='load', error=CommandError):
+    """Describe the snow and ice that lie on trees and buildings, or a change of them."""
 
     snow: float = declared(
         0.0, 'snow on open ground; crowns, roofs and ledges carry what they catch of it', 'kg/m²',
@@ -39,6 +32,3 @@ class SnowLoad:
         0.2)
     ramp: float = declared(
         10.0, 'time in which changes of load.snow and load.ice come about', 's', 0.0, 1e6)
-
-    def __post_init__(self) -> None:
-        check(self, 'load', CommandError)

@@ -23,26 +23,14 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.scene.objects import read_defines
 from procphys_ros.scene.sources import load_grammar, parse_grammar
-from procphys_ros.schema import check, declared, short
+from procphys_ros.schema import declared, ParameterGroup, short
 
 _NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]{0,99}\Z')
 
 
 @dataclass(frozen=True)
-class Spawn:
-    """
-    Object to add to a running scene.
-
-    :ivar name: of the object; '' = a free one after the grammar.
-    :ivar grammar: file that holds the grammar, or the stem of the object's name when
-        `grammar_text` is given.
-    :ivar grammar_text: the grammar itself; '' = that of the file.
-    :ivar defines: values that override the grammar's own, as 'name=number'.
-    :ivar seed: of the grammar's random numbers.
-    :ivar position: where its origin goes [m], (3,), world.
-    :ivar yaw: heading about the vertical [rad].
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class Spawn(ParameterGroup, group='spawn'):
+    """Object to add to a running scene."""
 
     name: str = declared('', 'of the object that ~/spawn adds and ~/remove takes out; for ~/spawn '
                          'empty = one that is free, such as oak_0')
@@ -55,9 +43,6 @@ class Spawn:
     position: tuple[float, ...] = declared(
         (0.0, 0.0, 0.0), 'where it is put; z counts from the ground', 'm', -1e6, 1e6)
     yaw: float = declared(0.0, 'heading about the vertical', 'rad', -1e3, 1e3)
-
-    def __post_init__(self) -> None:
-        check(self, 'spawn')
 
     @property
     def stem(self) -> str:

@@ -23,7 +23,7 @@ import numpy as np
 from procphys_ros.elementary import hypot
 from procphys_ros.errors import CommandError
 from procphys_ros.scene.solids import edges_of, SHAPES
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _FASTEST = 400.0     # [m/s], beyond it air and wall answer with shock waves
 _LARGEST = 20.0      # [m] edge of a projectile
@@ -36,17 +36,8 @@ _MOST_CHARGES = 10_000
 
 
 @dataclass(frozen=True)
-class Projectile:
-    """
-    Ball or block in flight.
-
-    :ivar shape: 'sphere' or 'box'.
-    :ivar size: diameter, or edges along its axes [m], one number or three.
-    :ivar mass: [kg].
-    :ivar position: of its centre, world [m], (3,).
-    :ivar velocity: world [m/s], (3,).
-    :raises CommandError: when a value is out of its range; the message names it and the range.
-    """
+class Projectile(ParameterGroup, group='projectile', error=CommandError):
+    """Ball or block in flight."""
 
     shape: str = declared('sphere', 'of what ~/launch_projectile throws', choices=SHAPES)
     size: float | Sequence[float] = declared(
@@ -59,7 +50,7 @@ class Projectile:
         _FASTEST)
 
     def __post_init__(self) -> None:
-        check(self, 'projectile', CommandError)
+        super().__post_init__()
         edges, place = self.edges, self.position
         if place[2] < 0.5 * edges[2]:
             raise CommandError(f'projectile.position is {list(place)}: it reaches '
@@ -76,14 +67,8 @@ class Projectile:
 
 
 @dataclass(frozen=True)
-class Explosion:
-    """
-    A charge that goes off in the open.
-
-    :ivar position: world [m], (3,).
-    :ivar charge: mass of TNT with the same effect [kg].
-    :raises CommandError: when a value is out of its range.
-    """
+class Explosion(ParameterGroup, group='explosion', error=CommandError):
+    """A charge that goes off in the open."""
 
     position: Sequence[float] = declared(
         (0.0, -5.0, 1.0), 'where ~/explode sets off its charge', 'm', -_FARTHEST, _FARTHEST)
@@ -91,25 +76,19 @@ class Explosion:
         10.0, 'mass of TNT of ~/explode and ~/explosion', 'kg', 1e-6, _MOST_TNT)
 
     def __post_init__(self) -> None:
-        check(self, 'explosion', CommandError)
+        super().__post_init__()
         if self.position[2] < 0.0:
             raise CommandError(f'explosion.position is {list(self.position)}: that is under the '
                                'ground; z must not be below 0')
 
 
 @dataclass(frozen=True)
-class Cut:
+class Cut(ParameterGroup, group='cut', error=CommandError):
     """
     A saw cut, through all that holds a part, or along a plane through a part or an object.
 
-    :ivar target: name or index of a part, or name of an object.
-    :ivar point: on the plane, world [m], (3,).
     :ivar normal: of the plane, of any length, (3,); 0 = no plane: a segment of a tree is cut off
         at its foot, any other part out of what it is bonded to.
-    :ivar reach: of the blade from that point [m].
-    :ivar hinge: width of the strip of wood that a felling cut leaves [m]; 0 = none.
-    :ivar towards: where a hinge lets a tree fall, (3,), world; level.
-    :raises CommandError: when a value is out of its range.
     """
 
     target: str = declared('', 'part that ~/cut cuts off, as oak_0/17 or an index; or a whole '
@@ -127,7 +106,7 @@ class Cut:
         -_FARTHEST, _FARTHEST)
 
     def __post_init__(self) -> None:
-        check(self, 'cut', CommandError)
+        super().__post_init__()
         x, y, z = self.towards
         if self.hinge > 0.0 and (z != 0.0 or not hypot(x, y) > 0.0):
             raise CommandError(f'cut.towards is {list(self.towards)}, it must be level and have a '
@@ -135,7 +114,7 @@ class Cut:
 
 
 @dataclass(frozen=True)
-class Demolition:
+class Demolition(ParameterGroup, group='demolition', error=CommandError):
     """
     Charges in walls, each with its moment: parallel lists.
 
@@ -143,7 +122,6 @@ class Demolition:
     :ivar positions: x y z of each charge after the other, world [m], (3 K,); none = along the
         bearing walls of the ground floors, from the middle outwards.
     :ivar radii: in which a charge breaks masonry and throws it [m], (K,).
-    :raises CommandError: when lengths do not match or a value is out of its range.
     """
 
     delays: Sequence[float] = declared(
@@ -155,7 +133,7 @@ class Demolition:
         (), 'in which each charge breaks and throws masonry', 'm', 1e-3, _WIDEST, any_length=True)
 
     def __post_init__(self) -> None:
-        check(self, 'demolition', CommandError)
+        super().__post_init__()
         delays, places, radii = self.delays, self.positions, self.radii
         if not (3 * len(delays) == len(places) == 3 * len(radii)):
             raise CommandError(

@@ -26,7 +26,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.physics.erosion import erode, Rain, SOILS
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene.height_file import MOST_CORNERS, read_heights
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 _OCTAVES = 4   # of noise, each of half the wavelength of the one before
 _LESS = 0.35   # of its height, so that small hills are not as steep as large ones
@@ -34,24 +34,11 @@ _WAVES = 24    # per octave; with fewer, hills line up
 
 
 @dataclass(frozen=True)
-class TerrainSettings:
+class TerrainSettings(ParameterGroup, group='terrain'):
     """
     Shape of the ground; without a file and without noise it is the plane z = 0.
 
     Heights count from the lowest point of the grid, which is z = 0.
-
-    :ivar file: heights, see `height_file`; '' = none.
-    :ivar cell: edge of a cell, where the file does not state it [m].
-    :ivar height: of white over black in a PNG [m].
-    :ivar noise: from the lowest to the highest point of made-up hills [m]; 0 = none.
-    :ivar wavelength: of the largest hills [m].
-    :ivar extent: side of the square that has hills [m].
-    :ivar seed: of the hills, and of where soil is harder; -1 = from the seed of the scene.
-    :ivar erosion: how long rain has worn the ground [h]; 0 = never.
-    :ivar rain: how fast it fell [mm/h].
-    :ivar soil: that the ground is of, one of `SOILS`.
-    :ivar center: middle of the grid [m], (2,).
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     file: str = declared('', 'heights of the ground: a PNG, NPZ or ESRI ASCII grid (.asc) beside '
@@ -73,7 +60,7 @@ class TerrainSettings:
         (0.0, 0.0), 'where the middle of the terrain lies', 'm', -1e6, 1e6)
 
     def __post_init__(self) -> None:
-        check(self, 'terrain')
+        super().__post_init__()
         if self.file and self.noise > 0.0:
             raise SceneError('terrain: give either terrain.file or terrain.noise, not both')
         if self.erosion > 0.0 and not self.file and self.noise == 0.0:

@@ -17,21 +17,12 @@
 from dataclasses import dataclass
 
 from procphys_ros.environment import STORM
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 
 @dataclass(frozen=True)
-class TreeSettings:
-    """
-    Settings of all trees.
-
-    :ivar contact: whether the wood of standing trees touches; else their crowns pass through each
-        other, as branches of one tree always do.
-    :ivar growth_wind: steady wind that bends growing plants, (3,) [m/s], where their grammars ask
-        for sag.
-    :ivar growth_storm: speed of the strongest wind of their lives [m/s], where they ask for load.
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class TreeSettings(ParameterGroup, group='trees'):
+    """Settings of all trees."""
 
     contact: bool = declared(
         False, 'whether the branches of different standing trees touch, instead of passing '
@@ -43,6 +34,3 @@ class TreeSettings:
     growth_storm: float = declared(
         STORM, 'strongest wind, from any side, that plants grow for, where their grammars ask for '
         'load', 'm/s', 0.0, 100.0)
-
-    def __post_init__(self) -> None:
-        check(self, 'trees')

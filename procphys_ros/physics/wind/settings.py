@@ -22,7 +22,7 @@ import math
 from procphys_ros.elementary import cos, hypot, sin
 from procphys_ros.errors import SceneError
 from procphys_ros.physics.wind.zones import zone_rows
-from procphys_ros.schema import check, declared
+from procphys_ros.schema import declared, ParameterGroup
 
 PROFILES = ('log', 'power', 'uniform')
 SPECTRA = ('kaimal', 'von_karman')
@@ -35,24 +35,12 @@ Record = tuple[tuple[float, ...], ...]  # rows of time and what `velocity_of` ta
 
 
 @dataclass(frozen=True)
-class WindSettings:
+class WindSettings(ParameterGroup, group='wind'):
     """
     Describe the mean wind and its turbulence.
 
-    :ivar velocity: mean air velocity at the reference height, the direction it blows to
-        [m/s], (3,), world.
-    :ivar turbulence_intensity: standard deviation along the wind over mean speed, 0 to 1.
-    :ivar profile: growth of the mean with height: 'log', 'power' or 'uniform'.
-    :ivar roughness_length: of the log profile [m]; grass 0.03, forest about 1.
     :ivar exponent: of the power profile; IEC 61400-1 has 0.2, over smooth ground 0.14.
     :ivar reference_height: height of `velocity` [m]; it also determines the size of the eddies.
-    :ivar spectrum: of the turbulence: 'kaimal' or 'von_karman'.
-    :ivar shelter: whether trees and buildings reduce the wind in their lee.
-    :ivar hills: whether the ground shapes the wind.
-    :ivar zones: boxes in which the wind differs, each as `zones.WindZone` in words.
-    :ivar map: table of how the wind differs by place; '' = none.
-    :ivar file: record of the mean wind to follow in place of `velocity`; '' = none.
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     velocity: Sequence[float] = declared(
@@ -87,8 +75,8 @@ class WindSettings:
         'wind.velocity',
         takes_effect='reload')
 
-    def __post_init__(self):
-        check(self, 'wind')
+    def __post_init__(self) -> None:
+        super().__post_init__()
         _check_speed(self.velocity)
         zone_rows(self.zones)
         if self.profile == 'log' and self.roughness_length >= self.reference_height:
@@ -98,39 +86,29 @@ class WindSettings:
 
 
 @dataclass(frozen=True)
-class MeanWind:
-    """
-    Describe a change of the mean wind.
-
-    :ivar velocity: after the change, at the reference height [m/s], (3,), world.
-    :ivar ramp: duration of the change [s]; 0 = at once.
-    :raises SceneError: when a value is out of its range; the message names key and range.
-    """
+class MeanWind(ParameterGroup, group='wind'):
+    """Describe a change of the mean wind."""
 
     velocity: Sequence[float] = declared(
         (0.0, 0.0, 0.0), 'mean air velocity, the direction it blows to', 'm/s', -FASTEST, FASTEST)
     ramp: float = declared(0.0, 'how long the change takes', 's', 0.0, 1e6)
 
-    def __post_init__(self):
-        check(self, 'wind')
+    def __post_init__(self) -> None:
+        super().__post_init__()
         _check_speed(self.velocity)
 
 
 @dataclass(frozen=True)
-class Gust:
+class Gust(ParameterGroup, group='gust'):
     """
     Describe one discrete gust, which crosses the scene as a front.
 
     :ivar amplitude: peak of a cosine gust, V_gust of an EOG (whose peak is 0.74 of it, and
         whose dips are 0.27 of it) [m/s]; negative = a lull.
-    :ivar duration: from first change to last [s]; an EOG of IEC 61400-1 has 10.5.
-    :ivar rise: rise time, and fall time, of a cosine gust [s]; None = half the duration.
-    :ivar direction: of the gust's velocity and travel, (3,), world; None = the mean wind's.
     :ivar kind: 'cosine' (rise, hold, fall; a front that is faster than the mean wind) or 'eog'
         (extreme operating gust: dip, peak, dip; the mean wind carries it).
     :ivar upwind: distance of the front from the scene origin when the gust starts [m]; points
         further upwind are hit by the gust at once.
-    :raises SceneError: when a value is out of its range; the message names key and range.
     """
 
     amplitude: float = declared(
@@ -147,8 +125,8 @@ class Gust:
     upwind: float = declared(
         30.0, 'distance of the gust front from the origin when it starts', 'm', 0.0, 10000.0)
 
-    def __post_init__(self):
-        check(self, 'gust')
+    def __post_init__(self) -> None:
+        super().__post_init__()
         half = 0.5 * self.duration
         rise = half if self.rise is None else self.rise
         if not _SHORTEST_RISE <= rise <= half:

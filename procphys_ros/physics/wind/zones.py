@@ -29,7 +29,7 @@ import numpy as np
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.elementary import cos, functions, sin
 from procphys_ros.errors import SceneError
-from procphys_ros.schema import check, clip, declared, read_words
+from procphys_ros.schema import clip, declared, ParameterGroup, read_words
 
 FACTORS = ('speed', 'turn', 'turbulence')
 COLUMNS = 12  # centre (3), half of the size (3), cosine, sine of the yaw, fade, `FACTORS`
@@ -41,7 +41,7 @@ _MOST = 100  # boxes; each costs time at all points
 
 
 @dataclass(frozen=True)
-class WindZone:
+class WindZone(ParameterGroup):
     """
     Box in which the wind differs.
 
@@ -62,9 +62,6 @@ class WindZone:
     speed: float = declared(1.0, '', '', 0.0, HIGHEST)
     turn: float = declared(0.0, '', 'rad', -TURN, TURN)
     turbulence: float = declared(1.0, '', '', 0.0, HIGHEST)
-
-    def __post_init__(self) -> None:
-        check(self)
 
 
 def zone_rows(texts: Sequence[str]) -> np.ndarray:
