@@ -45,7 +45,7 @@ SCENE = Description(json.dumps({
     ('impulse house/12 -300 0 0', {'part': 'house/12', 'x': -300.0, 'angular': (0.0, 0.0, 0.0)}),
     ('impulse 12 1 2 3 --angular -4 5 6', {'angular': [-4.0, 5.0, 6.0]}),
     ('explode 3 -2 .5 --charge 5', {'y': -2.0, 'z': 0.5, 'charge': 5.0}),
-    ('launch --from 0 -20 2 --velocity 0 25 0', {'from_': [0.0, -20.0, 2.0], 'mass': None}),
+    ('launch --from 0 -20 2 --velocity 0 25 0', {'position': [0.0, -20.0, 2.0], 'mass': None}),
     ('--node /a/sim --timeout 2 step 3', {'node': '/a/sim', 'timeout': 2.0, 'count': 3}),
     ('step 3 --node /a/sim', {'node': '/a/sim', 'timeout': 5.0, 'count': 3}),
     ('--node /a/sim list', {'node': '/a/sim', 'pattern': ''}),

@@ -363,8 +363,9 @@ def test_no_object_shares_markers_with_dust_and_torn_wood(name):
 
 def test_dust_is_read_back():
     """Read puffs back as a PointCloud2."""
-    rows = messages.dust_rows(np.arange(6.0).reshape(2, 3), np.array([0.1, 0.2]),
-                              np.array([0.5, 0.6]))
+    rows = messages.dust_rows(SimpleNamespace(
+        positions=np.arange(6.0).reshape(2, 3), sizes=np.array([0.1, 0.2]),
+        opacity=np.array([0.5, 0.6])))
     message = deserialize_message(messages.point_cloud(rows, AT, 'world'), PointCloud2)
     assert [f.name for f in message.fields] == ['x', 'y', 'z', 'size', 'opacity']
     table = np.frombuffer(bytes(message.data), np.float32).reshape(2, 5)

@@ -155,12 +155,13 @@ def _add_damage(group) -> None:
     launch.add_argument('--size', type=positive, nargs='+', metavar='M',
                         help='diameter of a ball, or the three edges of a block [m]')
     launch.add_argument('--mass', type=positive, metavar='KG')
-    _vector(launch, '--from', 'where it starts [m]')
+    _vector(launch, '--from', 'where it starts [m]', dest='position')
     _vector(launch, '--velocity', 'how fast it starts [m/s]')
     saw = group.add_parser('cut', help='saw a branch off, a brick out, or through an object',
                            epilog='examples: command cut oak_0/17\n'
                            '          command cut pine_0 --point 0 0 1 --normal 0 0 1')
-    saw.add_argument('part', help='such as oak_0/17; or an object, which takes a plane')
+    saw.add_argument('target', metavar='part',
+                     help='such as oak_0/17; or an object, which takes a plane')
     _vector(saw, '--point', 'on the plane of the cut [m]', (0.0, 0.0, 0.0))
     _vector(saw, '--normal', 'of that plane; none = all that holds the part', (0.0, 0.0, 0.0))
     saw.add_argument('--reach', type=positive, default=100.0, metavar='M',
@@ -250,9 +251,10 @@ def _add_looks(group) -> None:
     completion.add_argument('shell', choices=('bash', 'zsh'))
 
 
-def _vector(parser: argparse.ArgumentParser, name: str, what: str, default=None) -> None:
+def _vector(parser: argparse.ArgumentParser, name: str, what: str, default=None,
+            dest: str | None = None) -> None:
     parser.add_argument(name, type=number, nargs=3, metavar=('X', 'Y', 'Z'), help=what,
-                        default=default, dest=name.strip('-') + ('_' if name == '--from' else ''))
+                        default=default, dest=dest)
 
 
 def _wind(text: str) -> float | bool:

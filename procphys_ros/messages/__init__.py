@@ -15,12 +15,13 @@
 
 """Bytes of ROS messages written straight from numpy arrays; nothing here needs ROS."""
 
-from procphys_ros.messages.cdr import Stamp, stamp
+from procphys_ros.messages.cdr import clock, Stamp, stamp, stamped_numbers
 from procphys_ros.messages.ground import ground_markers
 from procphys_ros.messages.markers import MarkerStyle, SceneMarkers
 from procphys_ros.messages.points import break_rows, dust_rows, point_cloud, scan_rows
 from procphys_ros.messages.poses import pose_array
 from procphys_ros.messages.scene_description import SceneDescription
 
-__all__ = ['break_rows', 'dust_rows', 'ground_markers', 'MarkerStyle', 'point_cloud',
-           'pose_array', 'scan_rows', 'SceneDescription', 'SceneMarkers', 'Stamp', 'stamp']
+__all__ = ['break_rows', 'clock', 'dust_rows', 'ground_markers', 'MarkerStyle', 'point_cloud',
+           'pose_array', 'scan_rows', 'SceneDescription', 'SceneMarkers', 'Stamp', 'stamp',
+           'stamped_numbers']

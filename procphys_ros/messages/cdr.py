@@ -20,6 +20,7 @@ Little endian; every primitive is aligned to its own size, counted from the end 
 that head the message. Only what the simulator publishes is here.
 """
 
+from collections.abc import Sequence
 import struct
 
 import numpy as np
@@ -86,3 +87,22 @@ class CdrWriter:
     def getvalue(self) -> bytes:
         """Return all bytes written so far, without encapsulation."""
         return bytes(self._buffer)
+
+
+def stamped_numbers(values: Sequence[float] | np.ndarray, at: Stamp, frame_id: str) -> bytes:
+    """
+    Write a header and doubles: a Vector3Stamped, AccelStamped or WrenchStamped of geometry_msgs.
+
+    :param values: 3 or 6.
+    :param at: stamp of the message.
+    :param frame_id: name of the frame.
+    """
+    writer = CdrWriter()
+    writer.header(at, frame_id)
+    writer.numbers('d', *values)
+    return ENCAPSULATION + writer.getvalue()
+
+
+def clock(at: Stamp) -> bytes:
+    """Write a rosgraph_msgs/Clock."""
+    return ENCAPSULATION + np.array(at, '<i4').tobytes()

@@ -15,31 +15,17 @@
 
 """Markers of dust: translucent spheres, one marker for puffs of about the same size."""
 
-from typing import Protocol
-
 import numpy as np
 
 from procphys_ros.appearance.palette import rgba
 from procphys_ros.messages.cdr import Stamp
 from procphys_ros.messages.marker_rows import ListMarker, MarkerType
+from procphys_ros.physics.dust import Puffs
 
 NAMESPACE = 'dust'
 _EDGES = 0.1 * 2.0 ** np.arange(1, 7)  # [m] diameters between the markers, 0.2 to 6.4
 _MOST = 5000  # puffs drawn at once; of more, evenly chosen ones
 _FAINTEST = 5e-3  # smallest visible opacity
-
-
-class PuffRows(Protocol):
-    """Puffs of dust: rows of positions [m], diameters [m], opacities 0 to 1."""
-
-    @property
-    def positions(self) -> np.ndarray: ...
-
-    @property
-    def sizes(self) -> np.ndarray: ...
-
-    @property
-    def opacity(self) -> np.ndarray: ...
 
 
 class DustMarkers:
@@ -66,7 +52,7 @@ class DustMarkers:
         """Return the deletions of all markers."""
         return [marker.deletion for marker in self._lists]
 
-    def write(self, puffs: PuffRows, at: Stamp) -> tuple[list[bytes], int]:
+    def write(self, puffs: Puffs, at: Stamp) -> tuple[list[bytes], int]:
         """
         Write the markers that changed.
 
@@ -88,7 +74,7 @@ class DustMarkers:
                           else marker.deletion)
         return chunks, len(chunks)
 
-    def _write(self, marker: ListMarker, puffs: PuffRows, mine: np.ndarray, at: Stamp) -> bytes:
+    def _write(self, marker: ListMarker, puffs: Puffs, mine: np.ndarray, at: Stamp) -> bytes:
         colours = np.tile(self._colour, (len(mine), 1))
         colours[:, 3] = puffs.opacity[mine]
         return marker.write(puffs.positions[mine], at, colours, float(puffs.sizes[mine].mean()))

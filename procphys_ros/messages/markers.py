@@ -31,7 +31,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.compilation import kernel
 from procphys_ros.geometry.rotation import compose
 from procphys_ros.messages.cdr import Stamp
-from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE, PuffRows
+from procphys_ros.messages.dust_markers import DustMarkers, NAMESPACE
 from procphys_ros.messages.foliage import foliage, PlacedObject, too_many
 from procphys_ros.messages.marker_rows import (
     Action,
@@ -44,6 +44,7 @@ from procphys_ros.messages.marker_rows import (
 from procphys_ros.messages.part_markers import PartMarkers
 from procphys_ros.messages.torn_markers import TornMarkers
 from procphys_ros.messages.triangle_lists import TriangleLists
+from procphys_ros.physics.dust import Puffs
 
 # A part is sent again when it has moved by this much since the last time: [m] in position,
 # [-] in the quaternion (0.01 degrees). Smaller moves are not visible.
@@ -160,7 +161,7 @@ class SceneMarkers:
         self._torn.grow(blueprint)
 
     def whole(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
-              puffs: PuffRows | None = None) -> bytes:
+              puffs: Puffs | None = None) -> bytes:
         """
         Write every existing marker, after one that clears earlier markers.
 
@@ -180,7 +181,7 @@ class SceneMarkers:
         return marker_array([self._clear, *chunks], count + bool(self._clear))
 
     def changes(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None = None,
-                puffs: PuffRows | None = None) -> bytes | None:
+                puffs: Puffs | None = None) -> bytes | None:
         """
         Write the markers that changed since the last call; None if there are none.
 
@@ -201,7 +202,7 @@ class SceneMarkers:
         return marker_array([*chunks, *others], count + len(others))
 
     def _changed(self, poses: np.ndarray, at: Stamp, leaf_poses: np.ndarray | None,
-                 puffs: PuffRows | None) -> tuple[list[Chunk], int]:
+                 puffs: Puffs | None) -> tuple[list[Chunk], int]:
         changed = self._sent.update(poses)
         away = _differ(poses, self._home, _VISIBLE)
         carriers, marks = poses[:self._first_parts], changed[:self._first_parts]

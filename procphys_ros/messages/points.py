@@ -20,6 +20,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from procphys_ros.messages.cdr import CdrWriter, ENCAPSULATION, Stamp
+from procphys_ros.physics.dust import Puffs
 
 # sensor_msgs/PointField datatypes
 _DATATYPES = {'i1': 1, 'u1': 2, 'i2': 3, 'u2': 4, 'i4': 5, 'u4': 6, 'f4': 7, 'f8': 8}
@@ -63,18 +64,11 @@ def point_cloud(rows: np.ndarray, at: Stamp, frame_id: str) -> bytes:
     return ENCAPSULATION + writer.getvalue()
 
 
-def dust_rows(positions: np.ndarray, sizes: np.ndarray, opacity: np.ndarray) -> np.ndarray:
-    """
-    Convert puffs of dust to rows of a point cloud.
-
-    :param positions: [m], (N, 3).
-    :param sizes: diameters [m], (N,).
-    :param opacity: 0 to 1, (N,).
-    :returns: rows of dtype `DUST`, (N,).
-    """
-    rows = np.empty(len(positions), DUST)
-    rows['x'], rows['y'], rows['z'] = positions.T
-    rows['size'], rows['opacity'] = sizes, opacity
+def dust_rows(puffs: Puffs) -> np.ndarray:
+    """Convert puffs of dust to rows of a point cloud, of dtype `DUST`, (N,)."""
+    rows = np.empty(len(puffs.sizes), DUST)
+    rows['x'], rows['y'], rows['z'] = puffs.positions.T
+    rows['size'], rows['opacity'] = puffs.sizes, puffs.opacity
     return rows
 
 

@@ -94,7 +94,7 @@ class Recorder:
         if is_full:
             self._full_due = max(self._full_due + FULL_EVERY, simulation.time)
         at = messages.stamp(simulation.time)
-        self._put('/clock', 'rosgraph_msgs/msg/Clock', _clock(at), at)
+        self._put('/clock', 'rosgraph_msgs/msg/Clock', messages.clock(at), at)
         self._put_ground(at)
         self._put_description(at, is_full)
         self._put_poses(at, is_full)
@@ -167,33 +167,20 @@ class Recorder:
     def _put_dust(self, at: messages.Stamp) -> None:
         dust = self._simulation.dust
         if len(dust.sizes) or self._had_dust:
-            rows = messages.dust_rows(dust.positions, dust.sizes, dust.opacity)
+            rows = messages.dust_rows(dust)
             self._put('dust', 'sensor_msgs/msg/PointCloud2',
                       messages.point_cloud(rows, at, self._frame), at)
         self._had_dust = len(dust.sizes) > 0
 
     def _put_wind(self, at: messages.Stamp) -> None:
         wind = np.sum(self._simulation.wind.at_reference(self._simulation.time), axis=0)
-        writer = CdrWriter()
-        writer.header(at, self._frame)
-        writer.numbers('d', *wind.tolist())
         self._put('wind_info', 'geometry_msgs/msg/Vector3Stamped',
-                  ENCAPSULATION + writer.getvalue(), at)
+                  messages.stamped_numbers(wind, at, self._frame), at)
 
     def _put_wrenches(self, at: messages.Stamp) -> None:
         """Write the wrench on each intruder that has been placed."""
         for name in self._simulation.intruders:
-            if self._simulation.pose_of_intruder(name) is None:
-                continue
-            writer = CdrWriter()
-            writer.header(at, self._frame)
-            writer.numbers('d', *self._simulation.wrench_on_intruder(name).tolist())
-            self._put('intruder_wrench' if name == INTRUDER else f'intruders/{name}/wrench',
-                      'geometry_msgs/msg/WrenchStamped', ENCAPSULATION + writer.getvalue(), at)
-
-
-def _clock(at: messages.Stamp) -> bytes:
-    writer = CdrWriter()
-    writer.numbers('i', at[0])
-    writer.numbers('I', at[1])
-    return ENCAPSULATION + writer.getvalue()
+            if self._simulation.pose_of_intruder(name) is not None:
+                self._put('intruder_wrench' if name == INTRUDER else f'intruders/{name}/wrench',
+                          'geometry_msgs/msg/WrenchStamped', messages.stamped_numbers(
+                              self._simulation.wrench_on_intruder(name), at, self._frame), at)

@@ -104,14 +104,12 @@ def _wind(remote: Any, said: argparse.Namespace) -> None:
     print(f'wind {show(words)} m/s')
 
 
-def _with_parameters(service: str, prefix: str, *names: str) -> Callable:
-    """Set the given parameters, and call the service that reads them."""
+def _with_parameters(service: str, group: str, *names: str) -> Callable:
+    """Set the given parameters of a group, and call the service that reads them."""
     def carry_out(remote: Any, said: argparse.Namespace) -> None:
-        given = {f'{prefix}.{name}': getattr(said, _ARGUMENTS.get(name, name)) for name in names}
-        given = {name: value for name, value in given.items() if value is not None}
-        if given:
-            remote.change(given)
-        print(remote.trigger(service))
+        given = {f'{group}.{name}': getattr(said, name) for name in names}
+        print(remote.trigger(service, {name: value for name, value in given.items()
+                                       if value is not None}))
     return carry_out
 
 
@@ -140,8 +138,8 @@ def _explode(remote: Any, said: argparse.Namespace) -> None:
         remote.explode(place)
         print(_SENT.format(topic='explosion'))
         return
-    remote.change({'explosion.position': place, 'explosion.charge': said.charge})
-    print(remote.trigger('explode'))
+    print(remote.trigger('explode', {'explosion.position': place,
+                                     'explosion.charge': said.charge}))
 
 
 def _text_of(grammar: Path) -> str:
@@ -167,17 +165,11 @@ def _spawn(remote: Any, said: argparse.Namespace) -> None:
     from procphys_ros.scene.sources import SCANS
     path = Path(said.grammar)
     scan = path.suffix in SCANS and path.is_file()  # too large for a parameter: the node reads it
-    remote.change({'spawn.name': said.name,
-                   'spawn.grammar': str(path.absolute()) if scan else said.grammar,
-                   'spawn.grammar_text': '' if scan else _text_of(path),
-                   'spawn.defines': said.define, 'spawn.seed': said.seed,
-                   'spawn.position': (said.x, said.y, said.z), 'spawn.yaw': said.yaw})
-    print(remote.trigger('spawn'))
-
-
-def _remove(remote: Any, said: argparse.Namespace) -> None:
-    remote.change({'spawn.name': said.name})
-    print(remote.trigger('remove'))
+    print(remote.trigger('spawn', {
+        'spawn.name': said.name, 'spawn.defines': said.define, 'spawn.seed': said.seed,
+        'spawn.grammar': str(path.absolute()) if scan else said.grammar,
+        'spawn.grammar_text': '' if scan else _text_of(path),
+        'spawn.position': (said.x, said.y, said.z), 'spawn.yaw': said.yaw}))
 
 
 def _step(remote: Any, said: argparse.Namespace) -> None:
@@ -232,13 +224,6 @@ def _described(remote: Any, said: argparse.Namespace) -> Description:
     return description
 
 
-def _cut(remote: Any, said: argparse.Namespace) -> None:
-    remote.change({'cut.target': said.part, 'cut.point': said.point, 'cut.normal': said.normal,
-                   'cut.reach': said.reach, 'cut.hinge': said.hinge,
-                   'cut.towards': said.towards})
-    print(remote.trigger('cut'))
-
-
 def _trigger(service: str) -> Callable:
     return lambda remote, said: print(remote.trigger(service))
 
@@ -247,7 +232,6 @@ def _switch(service: str, on: bool) -> Callable:
     return lambda remote, said: print(remote.switch(service, on))
 
 
-_ARGUMENTS = {'position': 'from_'}
 _VERBS: dict[str, Callable] = {
     'wind': _wind, 'impulse': _on_part('impulse'), 'wrench': _on_part('wrench'),
     'downwash': _downwash, 'joint': _joint, 'explode': _explode, 'step': _step,
@@ -257,11 +241,14 @@ _VERBS: dict[str, Callable] = {
     'earthquake': _with_parameters('earthquake', 'earthquake', 'peak', 'duration', 'scale',
                                    'start', 'direction'),
     'load': _load,
-    'grow': _with_parameters('grow', 'grow', 'target', 'rate', 'years'), 'cut': _cut,
+    'grow': _with_parameters('grow', 'grow', 'target', 'rate', 'years'),
+    'cut': _with_parameters('cut', 'cut', 'target', 'point', 'normal', 'reach', 'hinge',
+                            'towards'),
     'demolish': _trigger('demolish'), 'clear': _trigger('clear_wrenches'),
     'pause': _switch('set_pause', True), 'resume': _switch('set_pause', False),
     'reset': _trigger('reset_simulation'), 'reload': _trigger('reload_scene'),
-    'spawn': _spawn, 'remove': _remove, 'get': _get, 'set': _set, 'list': _list, 'watch': _watch,
+    'spawn': _spawn, 'remove': _with_parameters('remove', 'spawn', 'name'),
+    'get': _get, 'set': _set, 'list': _list, 'watch': _watch,
 }
 
 if __name__ == '__main__':

@@ -29,6 +29,9 @@ _LONGEST = 0.05  # [s] of commands between two steps, so that a flood leaves tim
 _LONGEST_CALLS = 0.1  # [s] the same while service calls wait
 _LONGEST_REASON = 600  # [characters]
 
+Act = Callable[[], str]  # executes a command and describes its result; CommandError = refused
+Answer = Callable[[bool, str], None]  # called with success, and the result or the reason
+
 
 def _nobody(success: bool, message: str) -> None:
     """Ignore the answer to a command from a topic."""
@@ -45,8 +48,8 @@ class Command:
     """
 
     name: str
-    carry_out: Callable[[], str]
-    answer: Callable[[bool, str], None] = _nobody
+    carry_out: Act
+    answer: Answer = _nobody
 
 
 class CommandQueue:

@@ -15,7 +15,6 @@
 
 """Read command messages: numbers that are finite, in a frame that is the simulation's."""
 
-from collections.abc import Callable
 import math
 
 from geometry_msgs.msg import Point, Pose, Vector3
@@ -26,7 +25,6 @@ from procphys_ros.errors import CommandError
 from procphys_ros.scene.joint_drive import DriveJoint, MODES
 
 Triple = tuple[float, float, float]
-Act = Callable[[], str]  # executes a command and describes its result; CommandError = refused
 _MOST_JOINTS = 10_000  # in a message, as many as a mechanism has parts
 _LONGEST_NAME = 256  # [characters] of a part; those of the longest names in ROS
 

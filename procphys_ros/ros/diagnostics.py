@@ -25,12 +25,12 @@ import numpy as np
 from rclpy.node import Node
 
 from procphys_ros.messages import stamp
-from procphys_ros.ros import qos
 from procphys_ros.ros.activity import Activity
 from procphys_ros.ros.background_compilation import BackgroundCompilation
 from procphys_ros.ros.commands import CommandQueue
 from procphys_ros.ros.pacing import Pacer, RateLimiter, Speedometer
 from procphys_ros.ros.session import REMEDY, Session
+from procphys_ros.ros.topics import offer
 
 _ON_TIME = 0.95  # share of the wanted real-time factor below which the node counts as overloaded
 _LOOKS = 4.0  # [Hz] rate of samples of the simulation
@@ -80,7 +80,7 @@ class Diagnostics:
 
     def __init__(self, node: Node, commands: CommandQueue, speed: Speedometer, work: Activity,
                  building: Activity, compilation: BackgroundCompilation):
-        self._publisher = qos.publisher(node, DiagnosticArray, '/diagnostics', qos.arrays())
+        self._publisher = offer(node, '/diagnostics')
         self._name = node.get_fully_qualified_name()
         self._commands = commands
         self._speed = speed

@@ -16,10 +16,10 @@
 """The services of `simulation_interfaces` that put entities in, take them out and move them."""
 
 from argparse import ArgumentTypeError
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import replace
 import math
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 from urllib.parse import parse_qsl, unquote
 
 import numpy as np
@@ -27,8 +27,10 @@ import numpy as np
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, ProcPhysError, SceneError
 from procphys_ros.files.resources import shared_folder
-from procphys_ros.ros.conversions import Act, check_frame, pose
+from procphys_ros.ros.commands import Act, Answer
+from procphys_ros.ros.conversions import check_frame, pose
 from procphys_ros.ros.entities import Entities
+from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
 from procphys_ros.scene.sources import GRAMMARS
 from procphys_ros.scene.spawn import Spawn
@@ -39,23 +41,8 @@ FORMATS = tuple(ending[1:] for ending in GRAMMARS)
 _UPRIGHT = 1e-3  # [-] x or y of a quaternion from which on it is not a turn about the vertical
 
 _Value = TypeVar('_Value')
-Answer = Callable[[bool, str], None]
-
-
-class Replies(Protocol):
-    """Waits for the results of requests, see `Answers`."""
-
-    def ask(self, name: str, prepare: Callable[[], Act]) -> Awaitable[tuple[bool, str]]: ...
-
-    def wait_for(self, name: str,
-                 begin: Callable[[Answer], None]) -> Awaitable[tuple[bool, str]]: ...
-
-
-class BeginSpawn(Protocol):
-    """Begins to build an object that joins the scene, see `Loading.begin_spawn`."""
-
-    def __call__(self, wanted: Spawn, join: Callable[[Blueprint], str], answer: Answer,
-                 /) -> None: ...
+# Begins to build an object that joins the scene, see `Loading.begin_spawn`.
+BeginSpawn = Callable[[Spawn, Callable[[Blueprint], str], Answer], None]
 
 
 class EntityServer:
@@ -69,7 +56,7 @@ class EntityServer:
     :param frame: of poses.
     """
 
-    def __init__(self, types: Any, replies: Replies, begin_spawn: BeginSpawn, session: Session,
+    def __init__(self, types: Any, replies: Answers, begin_spawn: BeginSpawn, session: Session,
                  frame: str):
         self._types, self._result = types, types.Result
         self._replies = replies

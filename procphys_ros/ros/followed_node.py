@@ -23,7 +23,6 @@ from time import monotonic
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray
 import numpy as np
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -42,8 +41,8 @@ from procphys_ros.messages.points import BREAK, DUST
 from procphys_ros.messages.poses import read_pose_array
 from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import Puffs
-from procphys_ros.ros import qos
 from procphys_ros.ros.page_commands import PageCommands
+from procphys_ros.ros.topics import follow
 from procphys_ros.view.source import Frame, PageContent, Status
 
 _TURN = 0.05  # [s] between checks for its end
@@ -68,14 +67,9 @@ class FollowedNode:
         self._state = _SceneState()
         self._heard, self._diagnosis = -np.inf, Status()
         self._moving: list[Subscription] = []
-        self._node.create_subscription(String, f'{self.name}/scene_description',
-                                       self._describe, qos.latched())
-        self._node.create_subscription(PointCloud2, f'{self.name}/leaves', self._take_leaves,
-                                       qos.latched())
-        self._node.create_subscription(PointCloud2, f'{self.name}/broken_bonds',
-                                       self._take_breaks, qos.latched())
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', self._diagnose,
-                                       qos.arrays())
+        for topic, take in (('scene_description', self._describe), ('leaves', self._take_leaves),
+                            ('broken_bonds', self._take_breaks), ('/diagnostics', self._diagnose)):
+            follow(self._node, self.name, topic, take)
         self._commands = PageCommands(self.name, patience)
         self._ended = Event()
         self._thread = Thread(target=self._spin, name='follow', daemon=True)
@@ -130,12 +124,10 @@ class FollowedNode:
         """Subscribe to moving topics while a page is open; the node skips unused ones."""
         if self.watched and not self._moving:
             state = self._state
-            for kind, topic, take, profile, raw in (
-                    (PoseArray, 'poses', state.take_poses, qos.arrays(), True),
-                    (PoseArray, 'leaf_poses', state.take_leaf_poses, qos.arrays(), True),
-                    (PointCloud2, 'dust', self._take_dust, qos.newest(), False)):
-                self._moving.append(self._node.create_subscription(
-                    kind, f'{self.name}/{topic}', take, profile, raw=raw))
+            self._moving = [
+                follow(self._node, self.name, 'poses', state.take_poses, raw=True),
+                follow(self._node, self.name, 'leaf_poses', state.take_leaf_poses, raw=True),
+                follow(self._node, self.name, 'dust', self._take_dust)]
         elif not self.watched and self._moving:
             for subscription in self._moving:
                 self._node.destroy_subscription(subscription)

@@ -15,15 +15,13 @@
 
 """Leaf publisher: what leaves there are, and where they are while somebody wants to know."""
 
-from geometry_msgs.msg import PoseArray
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
 
 from procphys_ros import messages
 from procphys_ros.messages.leaves import leaf_rows
-from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.pacing import RateLimiter
+from procphys_ros.ros.topics import offer
 from procphys_ros.simulation import Simulation
 
 _EARLY = 0.2  # share of their period that poses may come early, as turns jitter
@@ -41,9 +39,8 @@ class LeafPublisher:
     def __init__(self, node: Node, frame: str):
         self._frame = frame
         self.new = LateJoinerTracker()
-        self._leaves = qos.publisher(node, PointCloud2, '~/leaves', qos.latched())
-        self._poses = qos.publisher(node, PoseArray, '~/leaf_poses', qos.arrays(),
-                                    event_callbacks=self.new.events)
+        self._leaves = offer(node, 'leaves')
+        self._poses = offer(node, 'leaf_poses', event_callbacks=self.new.events)
         self._limiter = RateLimiter(1.0, _EARLY)
         self._described = -1
         self._has_news = True

@@ -18,11 +18,10 @@
 from time import perf_counter
 
 from rclpy.node import Node
-from sensor_msgs.msg import PointCloud2
 
 from procphys_ros import messages
-from procphys_ros.ros import qos
 from procphys_ros.ros.parameters import Parameters
+from procphys_ros.ros.topics import offer
 from procphys_ros.scene.lidar import LidarSettings
 from procphys_ros.simulation import Simulation
 
@@ -39,7 +38,7 @@ class LidarPublisher:
 
     def __init__(self, node: Node, parameters: Parameters):
         self._parameters = parameters
-        self._publisher = qos.publisher(node, PointCloud2, '~/lidar', qos.arrays())
+        self._publisher = offer(node, 'lidar')
         self._due = 0.0
         self.apply({'lidar.rate'})
 

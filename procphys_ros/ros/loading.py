@@ -23,7 +23,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import CommandError, SceneError
 from procphys_ros.files.file_bounds import within
 from procphys_ros.ros.building import Builder
-from procphys_ros.ros.commands import Command, CommandQueue, describe
+from procphys_ros.ros.commands import Answer, Command, CommandQueue, describe
 from procphys_ros.ros.free_memory import return_free_memory
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
@@ -57,7 +57,7 @@ class Loading:
         self._is_first_needed = False
 
     def load_first(self, failed: Callable[[Exception], None],
-                   answer: Callable[[bool, str], None] | None = None) -> None:
+                   answer: Answer | None = None) -> None:
         """
         Start loading the first scene.
 
@@ -74,7 +74,7 @@ class Loading:
         self._builder.build(self._parameters.nested(), self._parameters.bounds,
                             lambda simulation: self._hand_over(simulation, told), fail)
 
-    def reload(self, answer: Callable[[bool, str], None]) -> None:
+    def reload(self, answer: Answer) -> None:
         """
         Start loading the scene of the present parameters; on an error the old one is kept.
 
@@ -92,7 +92,7 @@ class Loading:
 
         self._builder.build(self._parameters.nested(), self._parameters.bounds, hand_over, fail)
 
-    def spawn(self, answer: Callable[[bool, str], None]) -> None:
+    def spawn(self, answer: Answer) -> None:
         """
         Start building the object of the `spawn.*` parameters; it joins the scene when it is built.
 
@@ -103,7 +103,7 @@ class Loading:
         self.begin_spawn(wanted, lambda made: self._session.spawn(wanted, made), answer)
 
     def begin_spawn(self, wanted: Spawn, join: Callable[[Blueprint], str],
-                    answer: Callable[[bool, str], None]) -> None:
+                    answer: Answer) -> None:
         """
         Start building an object.
 
@@ -141,7 +141,7 @@ class Loading:
             thread.join(max(0.0, end - monotonic()))
         return not any(thread.is_alive() for thread in self._spawning)
 
-    def cancel(self, answer: Callable[[bool, str], None]) -> None:
+    def cancel(self, answer: Answer) -> None:
         """
         Cancel the scene being loaded.
 
@@ -153,7 +153,7 @@ class Loading:
         self._queue.take('cancel_reload')
         answer(True, 'cancelled' + (_STAYS if self._session.has_scene else ''))
 
-    def _hand_over(self, simulation: Simulation, answer: Callable[[bool, str], None]) -> None:
+    def _hand_over(self, simulation: Simulation, answer: Answer) -> None:
         def adopt() -> str:
             message = self._session.adopt(simulation)
             return_free_memory()

@@ -24,10 +24,9 @@ from lifecycle_msgs.srv import ChangeState
 from rclpy.lifecycle import LifecycleNodeMixin, LifecycleState, TransitionCallbackReturn
 
 from procphys_ros.errors import CommandError
-from procphys_ros.ros.commands import Command
+from procphys_ros.ros.commands import Answer, Command
 from procphys_ros.ros.node import SimNode
 from procphys_ros.ros.pacing import RateLimiter
-from procphys_ros.ros.services import Answer
 
 _LOOK = 0.05  # [s] between checks whether ROS still runs
 _SERVICE = 'change_state'

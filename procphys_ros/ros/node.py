@@ -165,8 +165,8 @@ class SimNode(Node):
         """Create the topics and services for commands."""
         frame = self.parameters['world_frame']
         requests = Requests(self.parameters, self.session)
-        self.topics = TopicCommands(self, self.commands, self.session, requests, frame,
-                                    self.parameters['intruders.names'])
+        self.receiver = TopicCommands(self, self.commands, self.session, requests, frame,
+                                      self.parameters['intruders.names']).receiver
         answers = Answers(self, self.commands, lambda: self.parameters['service_deadline'],
                           self.steady_clock)
         loading = Loading(self.builder, self.commands, self.parameters, self.session)
@@ -187,7 +187,7 @@ class SimNode(Node):
             status == 'auto' and sys.stdout is not None and sys.stdout.isatty())
         self.create_timer(_STATUS_PERIOD, self._report, clock=self.steady_clock)
         self._compilation.start()
-        self.topics.start()
+        self.receiver.start()
         self.loop.start()
         self._begin()
 
@@ -203,7 +203,7 @@ class SimNode(Node):
         """
         self._compilation.close()
         ended = [thread.stop(_LAST_TURN)
-                 for thread in (self.topics, self.builder, self._loading, self.loop)]
+                 for thread in (self.receiver, self.builder, self._loading, self.loop)]
         if all(ended):
             self._output.close()
             self.session.close()
@@ -337,7 +337,7 @@ class SimNode(Node):
 
     def _warn_of_unheard(self) -> None:
         """Log once for each topic if commands on it are not received."""
-        for topic, (sender, reason) in self.topics.unheard().items():
+        for topic, (sender, reason) in self.receiver.unheard().items():
             if topic not in self._unheard:
                 self.get_logger().warning(
                     f'{sender} publishes {topic}, which is not heard: {reason}; change the '
@@ -389,4 +389,4 @@ def banner(node: SimNode) -> str:
     sent = sorted(topic for topic, _ in topics
                   if topic not in everywhere and '/_' not in topic)
     return '\n'.join((node.session.summary(), f'  out  {" ".join(sent)}',
-                      f'  in   {" ".join(node.topics.names)}', '  stop with Ctrl-C'))
+                      f'  in   {" ".join(node.receiver.names)}', '  stop with Ctrl-C'))

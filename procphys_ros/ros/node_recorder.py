@@ -31,8 +31,8 @@ from procphys_ros.recording.marker_state import MarkerState
 from procphys_ros.recording.recording import FULL_EVERY
 from procphys_ros.recording.writer import McapWriter
 from procphys_ros.ros import qos
-from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
+from procphys_ros.ros.topics import full_name, KIND_NAMES, RECORDED, TOPICS
 
 _TURN = 0.05  # [s] between checks of the clock
 _WRENCH = 'intruder_wrench'
@@ -56,7 +56,7 @@ class NodeRecorder:
         self._full_due = monotonic()
         self.failure: RecordingError | None = None
         self._taken: set[str] = set()
-        for topic in TOPICS:
+        for topic in RECORDED:
             self._subscribe(topic)
         self._find_intruders()
         # A separate clock: with use_sim_time a node waits for the clock, which may stand still.
@@ -73,7 +73,7 @@ class NodeRecorder:
     def _subscribe(self, topic: str) -> None:
         kind, published = TOPICS.get(topic, TOPICS[_WRENCH])
         profile = qos.changes()  # even where only the newest counts, else some are missed
-        profile.durability = published.durability
+        profile.durability = published().durability
         self._node.create_subscription(kind, self._name(topic), self._taker(topic), profile,
                                        raw=True)
 
@@ -92,7 +92,7 @@ class NodeRecorder:
         self._fill()
 
     def _name(self, topic: str) -> str:
-        return topic if topic.startswith('/') else f'{self._source}/{topic}'
+        return full_name(self._source, topic)
 
     def _taker(self, topic: str) -> Callable[[bytes], None]:
         def take(data: bytes) -> None:

@@ -33,6 +33,7 @@ from procphys_ros.scene.snow import SnowLoad
 from procphys_ros.scene.strikes import Cut, Explosion, Projectile
 from procphys_ros.scene.unused import flat
 from procphys_ros.scene.yaml_file import read_yaml
+from procphys_ros.schema import ParameterGroup
 from procphys_ros.simulation.commands import Impulse, SetWind
 from procphys_ros.view.commands import (
     CLICKS,
@@ -199,37 +200,12 @@ def _shipped() -> Mapping[str, Mapping[str, Any]]:
     return {name: dict(flat(read_yaml(path))) for name, path in shipped_scenes().items()}
 
 
-def _launch(remote: Remote, ball: Projectile) -> str:
-    remote.change({'projectile.shape': ball.shape, 'projectile.size': list(ball.edges),
-                   'projectile.mass': ball.mass, 'projectile.position': list(ball.position),
-                   'projectile.velocity': list(ball.velocity)})
-    return remote.trigger('launch_projectile')
-
-
-def _explode(remote: Remote, charge: Explosion) -> str:
-    remote.change({'explosion.position': list(charge.position),
-                   'explosion.charge': charge.charge})
-    return remote.trigger('explode')
-
-
-def _cut(remote: Remote, cut: Cut) -> str:
-    remote.change({f'cut.{name}': value for name, value in asdict(cut).items()})
-    return remote.trigger('cut')
-
-
-def _inspect(remote: Remote, wanted: Inspect) -> str:
-    remote.change({'inspect.part': str(wanted.part)})
-    return remote.trigger('inspect')
-
-
-def _gust(remote: Remote, gust: StartGust) -> str:
-    remote.change({'gust.amplitude': gust.amplitude})
-    return remote.trigger('gust')
-
-
-def _shake(remote: Remote, earthquake: StartEarthquake) -> str:
-    remote.change({'earthquake.peak': earthquake.peak})
-    return remote.trigger('earthquake')
+def _described(service: str) -> Callable[[Remote, ParameterGroup], str]:
+    """Set the parameters that a command declares, and call the service that reads them."""
+    def act(remote: Remote, command: Any) -> str:
+        return remote.trigger(service, {f'{command.group}.{name}': value
+                                        for name, value in asdict(command).items()})
+    return act
 
 
 def _load(remote: Remote, scene: LoadScene) -> str:
@@ -257,7 +233,9 @@ _ACTIONS: dict[type, Callable[[Remote, Any], str | None]] = {
     SnowLoad: lambda remote, c: remote.change({'load.snow': c.snow, 'load.ice': c.ice}),
     SetWind: lambda remote, c: remote.change({'wind.velocity': list(c.velocity)}),
     Impulse: lambda remote, c: remote.push('impulse', str(c.part), c.linear, c.angular),
-    Inspect: _inspect, StartGust: _gust, StartEarthquake: _shake, Projectile: _launch,
-    Explosion: _explode, Cut: _cut,
-    LoadScene: _load,
+    Inspect: lambda remote, c: remote.trigger('inspect', {'inspect.part': str(c.part)}),
+    StartGust: lambda remote, c: remote.trigger('gust', {'gust.amplitude': c.amplitude}),
+    StartEarthquake: lambda remote, c: remote.trigger('earthquake', {'earthquake.peak': c.peak}),
+    Projectile: _described('launch_projectile'), Explosion: _described('explode'),
+    Cut: _described('cut'), LoadScene: _load,
 }

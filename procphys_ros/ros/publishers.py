@@ -18,13 +18,10 @@
 from collections.abc import Callable
 from contextlib import suppress
 
-from geometry_msgs.msg import AccelStamped, PoseArray, Vector3, Vector3Stamped, WrenchStamped
 import numpy as np
 from rclpy.node import Node
-from rosgraph_msgs.msg import Clock
-from sensor_msgs.msg import JointState, PointCloud2
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool, String
-from visualization_msgs.msg import MarkerArray
 
 from procphys_ros import messages
 from procphys_ros.appearance.joints import seats
@@ -32,11 +29,11 @@ from procphys_ros.compilation.threads import beside
 from procphys_ros.messages import MarkerStyle, SceneDescription, SceneMarkers
 from procphys_ros.messages.ground import thinned
 from procphys_ros.physics.terrain import FLAT
-from procphys_ros.ros import qos
 from procphys_ros.ros.late_joiners import LateJoinerTracker
 from procphys_ros.ros.leaf_publisher import LeafPublisher
 from procphys_ros.ros.pacing import RateLimiter
 from procphys_ros.ros.parameters import Parameters
+from procphys_ros.ros.topics import offer
 from procphys_ros.ros.transforms import TransformPublisher
 from procphys_ros.scene.intruders import INTRUDER
 from procphys_ros.simulation import Simulation
@@ -59,29 +56,22 @@ class Publishers:
         self._parameters = parameters
         self._frame = frame
         self._new_to_poses, self._new_to_markers = LateJoinerTracker(), LateJoinerTracker()
-        self._poses = qos.publisher(node, PoseArray, '~/poses', qos.arrays(),
-                                    event_callbacks=self._new_to_poses.events)
-        self._markers = qos.publisher(node, MarkerArray, '~/markers', qos.changes(),
-                                      event_callbacks=self._new_to_markers.events)
-        self._breaks = qos.publisher(node, PointCloud2, '~/breaks', qos.changes())
-        self._dust = qos.publisher(node, PointCloud2, '~/dust', qos.newest())
-        self._description = qos.publisher(node, String, '~/scene_description', qos.latched())
-        self._ground = qos.publisher(node, MarkerArray, '~/ground', qos.latched())
-        self._wind_info = qos.publisher(node, Vector3Stamped, '~/wind_info', qos.arrays())
-        self._ground_motion = qos.publisher(node, AccelStamped, '~/ground_motion', qos.arrays())
-        self._joint_states = qos.publisher(node, JointState, '~/joint_states', qos.arrays())
-        self._wrenches = {INTRUDER: qos.publisher(node, WrenchStamped, '~/intruder_wrench',
-                                                  qos.arrays())}
-        self._wrenches |= {name: qos.publisher(node, WrenchStamped, f'~/intruders/{name}/wrench',
-                                               qos.arrays())
+        self._poses = offer(node, 'poses', event_callbacks=self._new_to_poses.events)
+        self._markers = offer(node, 'markers', event_callbacks=self._new_to_markers.events)
+        self._breaks, self._broken = offer(node, 'breaks'), offer(node, 'broken_bonds')
+        self._dust, self._wind_info = offer(node, 'dust'), offer(node, 'wind_info')
+        self._description, self._ground = offer(node, 'scene_description'), offer(node, 'ground')
+        self._ground_motion = offer(node, 'ground_motion')
+        self._joint_states = offer(node, 'joint_states')
+        self._wrenches = {INTRUDER: offer(node, 'intruder_wrench')}
+        self._wrenches |= {name: offer(node, f'intruders/{name}/wrench', 'intruder_wrench')
                            for name in parameters['intruders.names']}
-        self._broken = qos.publisher(node, PointCloud2, '~/broken_bonds', qos.latched())
-        self._ready = qos.publisher(node, Bool, '~/ready', qos.latched())
+        self._ready = offer(node, 'ready')
         self._leaves = LeafPublisher(node, frame)
         self._transforms = TransformPublisher(node, frame) if parameters['publish_tf'] else None
         self._ready.publish(Bool(data=False))
         # Time has one source, also if several nodes share a scene.
-        self._clock = (qos.publisher(node, Clock, '/clock', qos.newest())
+        self._clock = (offer(node, '/clock')
                        if parameters['publish_clock'] and parameters['shard.index'] == 0 else None)
         self._scene_markers: SceneMarkers | None = None
         self._markers_sent: Callable[[], None] = lambda: None  # waits for the last message
@@ -179,13 +169,13 @@ class Publishers:
         if has_moved and self._dust.get_subscription_count():
             self._publish_dust(simulation, at)
         if self._clock is not None:
-            clock = Clock()
-            clock.clock.sec, clock.clock.nanosec = at
-            self._clock.publish(clock)
+            self._clock.publish(messages.clock(at))
         if self._wind_info.get_subscription_count():
-            self._publish_wind(simulation, at)
+            wind = np.sum(simulation.wind.at_reference(simulation.time), axis=0)
+            self._wind_info.publish(messages.stamped_numbers(wind, at, self._frame))
         if self._ground_motion.get_subscription_count():
-            self._publish_ground_motion(simulation, at)
+            self._ground_motion.publish(messages.stamped_numbers(
+                [*simulation.ground_acceleration, 0.0, 0.0, 0.0], at, self._frame))
         if len(simulation.state.mechanisms.joint) and self._joint_states.get_subscription_count():
             self._publish_joints(simulation, at)
         if has_moved:
@@ -282,25 +272,9 @@ class Publishers:
     def _publish_dust(self, simulation: Simulation, at: messages.Stamp) -> None:
         dust = simulation.dust
         if len(dust.sizes) or self._had_dust:  # one empty cloud when the last has settled
-            rows = messages.dust_rows(dust.positions, dust.sizes, dust.opacity)
+            rows = messages.dust_rows(dust)
             self._dust.publish(messages.point_cloud(rows, at, self._frame))
         self._had_dust = len(dust.sizes) > 0
-
-    def _publish_wind(self, simulation: Simulation, at: messages.Stamp) -> None:
-        message = Vector3Stamped()
-        message.header.stamp.sec, message.header.stamp.nanosec = at
-        message.header.frame_id = self._frame
-        x, y, z = np.sum(simulation.wind.at_reference(simulation.time), axis=0).tolist()
-        message.vector = Vector3(x=x, y=y, z=z)
-        self._wind_info.publish(message)
-
-    def _publish_ground_motion(self, simulation: Simulation, at: messages.Stamp) -> None:
-        message = AccelStamped()
-        message.header.stamp.sec, message.header.stamp.nanosec = at
-        message.header.frame_id = self._frame
-        x, y, z = simulation.ground_acceleration.tolist()
-        message.accel.linear = Vector3(x=x, y=y, z=z)
-        self._ground_motion.publish(message)
 
     def _publish_joints(self, simulation: Simulation, at: messages.Stamp) -> None:
         message, joints = JointState(), simulation.joints
@@ -313,16 +287,10 @@ class Publishers:
 
     def _publish_wrenches(self, simulation: Simulation, at: messages.Stamp) -> None:
         for name, publisher in self._wrenches.items():
-            if (not publisher.get_subscription_count() or name not in simulation.intruders
-                    or simulation.pose_of_intruder(name) is None):
-                continue
-            message = WrenchStamped()
-            message.header.stamp.sec, message.header.stamp.nanosec = at
-            message.header.frame_id = self._frame
-            wrench = simulation.wrench_on_intruder(name).tolist()
-            message.wrench.force = Vector3(**dict(zip('xyz', wrench[:3])))
-            message.wrench.torque = Vector3(**dict(zip('xyz', wrench[3:])))
-            publisher.publish(message)
+            if (publisher.get_subscription_count() and name in simulation.intruders
+                    and simulation.pose_of_intruder(name) is not None):
+                publisher.publish(messages.stamped_numbers(
+                    simulation.wrench_on_intruder(name), at, self._frame))
 
 
 def _content(simulation: Simulation) -> tuple[int, int]:

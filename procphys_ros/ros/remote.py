@@ -15,18 +15,21 @@
 
 """Client of a running `sim` node: its services, topics and parameters."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import os
 from threading import Event
 from time import monotonic
+from types import MappingProxyType
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Point, PointStamped, Vector3, WrenchStamped
-from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.msg import Parameter, ParameterType
 from rcl_interfaces.srv import GetParameters, ListParameters, SetParametersAtomically
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
+from rclpy.parameter import Parameter as RosParameter
+from rclpy.parameter import parameter_value_to_python
 from rclpy.task import Future
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
@@ -34,20 +37,13 @@ from std_srvs.srv import SetBool, Trigger
 
 from procphys_ros.errors import CommandError
 from procphys_ros.ros import qos
+from procphys_ros.ros.topics import follow
 
 PATIENCE = 120.0  # [s] to wait for an answer of a node that may be busy
 _TURN = 0.05  # [s] between checks of the clock
 _SEARCH = 10.0  # [s] at least for a topic or service of a known node: discovery may be late
 _FIRST = 'reset_simulation'  # the service by which a node is found
 _REMAPPED = '; where the node has remapped it, remap it here, too: --ros-args -r {}:=/its/name'
-_FIELDS = {ParameterType.PARAMETER_BOOL: 'bool_value',
-           ParameterType.PARAMETER_INTEGER: 'integer_value',
-           ParameterType.PARAMETER_DOUBLE: 'double_value',
-           ParameterType.PARAMETER_STRING: 'string_value',
-           ParameterType.PARAMETER_DOUBLE_ARRAY: 'double_array_value',
-           ParameterType.PARAMETER_INTEGER_ARRAY: 'integer_array_value',
-           ParameterType.PARAMETER_BOOL_ARRAY: 'bool_array_value',
-           ParameterType.PARAMETER_STRING_ARRAY: 'string_array_value'}
 
 
 class NoNodeError(Exception):
@@ -88,21 +84,24 @@ class Remote:
         self._executor.shutdown()
         self._node.destroy_node()
 
-    def trigger(self, service: str) -> str:
+    def trigger(self, service: str, given: Mapping[str, Any] = MappingProxyType({})) -> str:
         """
         Call a service without arguments.
 
         :param service: private name, such as 'gust'.
+        :param given: parameters that it reads, to be changed before; as for `change`.
         :returns: the answer of the node.
         :raises CommandError: if it refuses, with its reason.
         """
+        if given:
+            self.change(given)
         return self._answer(self._call(Trigger, service, Trigger.Request()))
 
     def switch(self, service: str, on: bool) -> str:
         """Call a service that switches a setting; see `trigger`."""
         return self._answer(self._call(SetBool, service, SetBool.Request(data=on)))
 
-    def change(self, values: dict[str, Any]) -> None:
+    def change(self, values: Mapping[str, Any]) -> None:
         """
         Change parameters, all or none.
 
@@ -110,8 +109,7 @@ class Remote:
         :raises CommandError: if the node refuses one, with its reason.
         """
         request = SetParametersAtomically.Request(
-            parameters=[Parameter(name=name, value=_to_message(value))
-                        for name, value in values.items()])
+            parameters=[_to_message(name, value) for name, value in values.items()])
         result = self._call(SetParametersAtomically, 'set_parameters_atomically', request).result
         if not result.successful:
             raise CommandError(result.reason)
@@ -124,7 +122,7 @@ class Remote:
     def values(self, names: Sequence[str]) -> list[Any]:
         """Return the values of parameters; None for unset ones."""
         answer = self._call(GetParameters, 'get_parameters', GetParameters.Request(names=names))
-        return [_from_message(value) for value in answer.values]
+        return [parameter_value_to_python(value) for value in answer.values]
 
     def parameters(self) -> list[str]:
         """List the names of all parameters."""
@@ -158,8 +156,7 @@ class Remote:
     def description(self) -> str:
         """Return the JSON description of the present scene."""
         received: list[String] = []
-        subscription = self._node.create_subscription(
-            String, f'{self.name}/scene_description', received.append, qos.latched())
+        subscription = follow(self._node, self.name, 'scene_description', received.append)
         self._find(lambda: self._node.count_publishers(subscription.topic_name),
                    'publishes', f'{self.name}/scene_description')
         self._spin_until(lambda: received, self.patience)
@@ -169,11 +166,9 @@ class Remote:
     def follow(self, scenes: list[String], statuses: list[DiagnosticArray],
                breaks: list[PointCloud2]) -> None:
         """Append descriptions of the scene, /diagnostics and `~/breaks` while `spin` is called."""
-        self._node.create_subscription(String, f'{self.name}/scene_description', scenes.append,
-                                       qos.latched())
-        self._node.create_subscription(DiagnosticArray, '/diagnostics', statuses.append, 5)
-        self._node.create_subscription(PointCloud2, f'{self.name}/breaks', breaks.append,
-                                       qos.changes())
+        for topic, found in (('scene_description', scenes), ('/diagnostics', statuses),
+                             ('breaks', breaks)):
+            follow(self._node, self.name, topic, found.append)
 
     def spin(self) -> None:
         """Process incoming messages for a moment."""
@@ -235,29 +230,11 @@ class Remote:
         return response.message
 
 
-def _to_message(value: Any) -> ParameterValue:
-    """Convert a value to the parameter type it looks like."""
-    if isinstance(value, bool):
-        kind = ParameterType.PARAMETER_BOOL
-    elif isinstance(value, int):
-        kind = ParameterType.PARAMETER_INTEGER
-    elif isinstance(value, float):
-        kind = ParameterType.PARAMETER_DOUBLE
-    elif isinstance(value, str):
-        kind = ParameterType.PARAMETER_STRING
-    elif _all_are(str, value):
-        kind = ParameterType.PARAMETER_STRING_ARRAY
-    else:
-        kind, value = ParameterType.PARAMETER_DOUBLE_ARRAY, [float(v) for v in value]
-    return ParameterValue(type=kind, **{_FIELDS[kind]: value})
-
-
-def _all_are(kind: type, values: Iterable) -> bool:
-    return all(isinstance(value, kind) for value in values)
-
-
-def _from_message(value: ParameterValue) -> Any:
-    if value.type not in _FIELDS:
-        return None
-    found = getattr(value, _FIELDS[value.type])
-    return found if isinstance(found, bool | int | float | str) else list(found)
+def _to_message(name: str, value: Any) -> Parameter:
+    """Convert a parameter to the type it looks like; numbers of lists are floats."""
+    kind = None
+    if not isinstance(value, bool | int | float | str):
+        are_texts = all(isinstance(item, str) for item in value)
+        kind = RosParameter.Type.STRING_ARRAY if are_texts else RosParameter.Type.DOUBLE_ARRAY
+        value = [item if are_texts else float(item) for item in value]
+    return RosParameter(name, kind, value).to_parameter_msg()

@@ -26,8 +26,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from procphys_ros.recording.recording import Message, Recording
 from procphys_ros.ros import qos
-from procphys_ros.ros.recorded_topics import KIND_NAMES, TOPICS
 from procphys_ros.ros.starting import start_ros
+from procphys_ros.ros.topics import KIND_NAMES, RECORDED, TOPICS
 
 _NAP = 0.05    # [s] longest sleep between checks of signals
 _HELLO = 0.5   # [s] between the first subscriber and the first message, for other subscribers
@@ -86,8 +86,7 @@ def _play(recording: Recording, said: argparse.Namespace, publishers: dict[str, 
               recording.start + round(said.start * 1e9), said.rate, ended, meanwhile)
         if not said.loop:
             return
-        while (left := again - monotonic()) > 0.0 and not ended():
-            sleep(min(left, _NAP))
+        _sleep_until(again, ended)
 
 
 class _Rivals:
@@ -122,9 +121,9 @@ def _publishers(node: Node, recording: Recording) -> dict[str, Publisher]:
             print(f'replay: {topic} is left out: {kind} is none of the messages of this package',
                   file=sys.stderr)
             continue
-        own = next((name for name in TOPICS if topic.endswith(f'/{name.lstrip("/")}')), None)
-        profile = TOPICS[own][1] if own else qos.arrays()
-        publishers[topic] = node.create_publisher(_CLASSES[kind], topic, profile)
+        own = next((name for name in RECORDED if topic.endswith(f'/{name.lstrip("/")}')), None)
+        profile = TOPICS[own][1] if own else qos.arrays
+        publishers[topic] = node.create_publisher(_CLASSES[kind], topic, profile())
     return publishers
 
 
@@ -134,12 +133,15 @@ def _pass(messages: Iterable[Message], publishers: dict[str, Publisher], start: 
     began = monotonic()
     for message in messages:
         meanwhile()
-        due = began + (message.at - start) * 1e-9 / rate
-        while (left := due - monotonic()) > 0.0 and not ended():
-            sleep(min(left, _NAP))
+        _sleep_until(began + (message.at - start) * 1e-9 / rate, ended)
         if ended():
             return
         _send(publishers, message)
+
+
+def _sleep_until(due: float, ended: Callable[[], bool]) -> None:
+    while (left := due - monotonic()) > 0.0 and not ended():
+        sleep(min(left, _NAP))
 
 
 def _send(publishers: dict[str, Publisher], message: Message) -> None:

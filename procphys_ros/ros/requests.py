@@ -12,69 +12,60 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-
 """Requests: the commands of services, with the parameters at the time of the call."""
 
 from collections.abc import Callable
-from dataclasses import fields
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 from procphys_ros.errors import CommandError
-from procphys_ros.ros.conversions import Act, part_name, Triple
+from procphys_ros.physics.wind import Gust
+from procphys_ros.ros.commands import Act
+from procphys_ros.ros.conversions import part_name, Triple
 from procphys_ros.ros.file_access import state_path
 from procphys_ros.ros.parameters import Parameters
 from procphys_ros.ros.session import Session
+from procphys_ros.scene.cues import Blow
 from procphys_ros.scene.earthquake import Earthquake
 from procphys_ros.scene.intruder import Downwash
 from procphys_ros.scene.plants import Grow
-from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
+from procphys_ros.schema import ParameterGroup
 
 
 class Requests:
     """
     Convert a service call to an operation between two steps; in the ROS thread.
 
-    Each method reads the parameters now and returns a function that executes them in the
-    simulation thread.
+    Each reads the parameters now and returns a function that executes them in the simulation
+    thread, or raises ProcPhysError if the parameters are invalid.
 
     :param parameters: of the node.
     :param session: target of the operations.
-    :raises ProcPhysError: from each method, if the parameters are invalid.
+    :ivar triggers: of services without arguments, by name.
+    :ivar switches: of services that switch something on or off, by name.
     """
 
     def __init__(self, parameters: Parameters, session: Session):
         self._parameters = parameters
         self._session = session
-
-    def set_wind_enabled(self, enabled: bool) -> Act:
-        """Switch the wind on or off."""
-        return lambda: self._session.set_wind_enabled(enabled)
-
-    def set_pause(self, paused: bool) -> Act:
-        """Pause or resume the simulation."""
-        return lambda: self._session.set_pause(paused)
-
-    def gust(self) -> Act:
-        """Start a gust from the `gust.*` parameters."""
-        gust = read_settings(self._parameters.nested()).gust
-        return lambda: self._session.gust(gust)
-
-    def apply_impulse(self) -> Act:
-        """Apply an impulse to the part `impulse.target`."""
-        part = part_name(self._parameters['impulse.target'], 'the parameter impulse.target')
-        linear, angular = self._parameters['impulse.linear'], self._parameters['impulse.angular']
-        return lambda: self._session.strike(part, linear, angular)
-
-    def launch_projectile(self) -> Act:
-        """Launch the projectile of the `projectile.*` parameters."""
-        projectile = self._group('projectile', Projectile)
-        return lambda: self._session.launch(projectile)
-
-    def explode(self) -> Act:
-        """Detonate the charge of the `explosion.*` parameters."""
-        return self.explode_at(self._parameters['explosion.position'])
+        groups: dict[str, tuple[type[ParameterGroup], Callable[[Any], str]]] = {
+            'gust': (Gust, session.gust), 'launch_projectile': (Projectile, session.launch),
+            'explode': (Explosion, session.explode), 'demolish': (Demolition, session.demolish),
+            'cut': (Cut, session.cut), 'earthquake': (Earthquake, session.shake),
+            'grow': (Grow, session.grow),
+            'apply_impulse': (Blow, lambda blow: session.strike(blow.target, blow.linear,
+                                                                blow.angular))}
+        self.triggers: dict[str, Callable[[], Act]] = {
+            **{name: partial(self._of_group, *about) for name, about in groups.items()},
+            'clear_wrenches': lambda: session.clear_wrenches,
+            'step_simulation': lambda: session.step_simulation,
+            'reset_simulation': lambda: session.reset_simulation,
+            'save_state': partial(self._with_state_file, session.save_state),
+            'restore_state': partial(self._with_state_file, session.restore_state),
+            'remove': self._remove, 'inspect': self._inspect}
+        self.switches: dict[str, Callable[[bool], str]] = {
+            'set_wind_enabled': session.set_wind_enabled, 'set_pause': session.set_pause}
 
     def explode_at(self, point: Triple) -> Act:
         """Detonate `explosion.charge` at a point [m], (3,)."""
@@ -83,68 +74,28 @@ class Requests:
 
     def drive_rotors(self, name: str, thrust: Triple) -> Act:
         """Set the thrust on an intruder [N], of a disk of `downwash.radius`."""
-        downwash = self._group('downwash', Downwash)
+        downwash = Downwash(self._parameters['downwash.radius'])
         return lambda: self._session.drive_rotors(name, thrust, downwash)
 
-    def demolish(self) -> Act:
-        """Arm the charges of the `demolition.*` parameters."""
-        plan = self._group('demolition', Demolition)
-        return lambda: self._session.demolish(plan)
+    def _of_group(self, kind: type[ParameterGroup], act: Callable[[Any], str]) -> Act:
+        """Execute a command that a group of parameters describes."""
+        wish: Any = kind.read(self._parameters.nested())
+        if kind in (Blow, Cut):
+            part_name(wish.target, f'the parameter {kind.group}.target')
+        return lambda: act(wish)
 
-    def cut(self) -> Act:
-        """Make the cut of the `cut.*` parameters."""
-        part_name(self._parameters['cut.target'], 'the parameter cut.target')
-        cut = self._group('cut', Cut)
-        return lambda: self._session.cut(cut)
+    def _with_state_file(self, act: Callable[..., str]) -> Act:
+        path = state_path(self._parameters['state.file'], self._parameters.bounds)
+        return lambda: act(path)
 
-    def earthquake(self) -> Act:
-        """Begin the earthquake of the `earthquake.*` parameters."""
-        wish = self._group('earthquake', Earthquake)
-        return lambda: self._session.shake(wish)
-
-    def grow(self) -> Act:
-        """Let the plants of the `grow.*` parameters grow on."""
-        wish = self._group('grow', Grow)
-        return lambda: self._session.grow(wish)
-
-    def clear_wrenches(self) -> Act:
-        """Remove all lasting forces."""
-        return self._session.clear_wrenches
-
-    def step_simulation(self) -> Act:
-        """Run one step while paused."""
-        return self._session.step_simulation
-
-    def reset_simulation(self) -> Act:
-        """Reset everything to its start."""
-        return self._session.reset_simulation
-
-    def save_state(self) -> Act:
-        """Write the whole state to the file `state.file`."""
-        path = self._state_file()
-        return lambda: self._session.save_state(path)
-
-    def restore_state(self) -> Act:
-        """Restore the state in the file `state.file`."""
-        path = self._state_file()
-        return lambda: self._session.restore_state(path)
-
-    def remove(self) -> Act:
+    def _remove(self) -> Act:
         """Remove the object `spawn.name` from the scene."""
         name = self._parameters['spawn.name']
         if not name:
             raise CommandError('spawn.name is empty, it must name the object to remove')
         return lambda: self._session.remove(name)
 
-    def inspect(self) -> Act:
+    def _inspect(self) -> Act:
         """Describe the load of the part `inspect.part`."""
         part = part_name(self._parameters['inspect.part'], 'the parameter inspect.part')
         return lambda: self._session.inspect(part)
-
-    def _state_file(self) -> Path:
-        return state_path(self._parameters['state.file'], self._parameters.bounds)
-
-    def _group(self, name: str, kind: Callable[..., Any]) -> Any:
-        """Create an object from its group of parameters."""
-        return kind(**{f.name: self._parameters[f'{name}.{f.name}']
-                       for f in fields(kind)})  # type: ignore[arg-type]

@@ -15,10 +15,10 @@
 
 """Services of the node: each answers what happened, or why it did not."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from threading import Lock
 from time import monotonic
-from typing import Protocol
+from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
@@ -26,68 +26,12 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_srvs.srv import SetBool, Trigger
 
-from procphys_ros.ros.commands import Command, CommandQueue
-from procphys_ros.ros.conversions import Act
+from procphys_ros.ros.commands import Act, Answer, Command, CommandQueue
+from procphys_ros.ros.loading import Loading
+from procphys_ros.ros.requests import Requests
 
 _LOOK = 0.02  # [s] between checks of waiting commands
 BUSY = 'the simulation is busy'  # prefix of the refusal of a command that timed out
-
-
-Answer = Callable[[bool, str], None]
-
-
-class Actions(Protocol):
-    """Operations of the services; each method returns an operation, or raises ProcPhysError."""
-
-    def set_wind_enabled(self, enabled: bool) -> Act: ...
-
-    def set_pause(self, paused: bool) -> Act: ...
-
-    def gust(self) -> Act: ...
-
-    def apply_impulse(self) -> Act: ...
-
-    def launch_projectile(self) -> Act: ...
-
-    def explode(self) -> Act: ...
-
-    def demolish(self) -> Act: ...
-
-    def cut(self) -> Act: ...
-
-    def earthquake(self) -> Act: ...
-
-    def grow(self) -> Act: ...
-
-    def clear_wrenches(self) -> Act: ...
-
-    def step_simulation(self) -> Act: ...
-
-    def reset_simulation(self) -> Act: ...
-
-    def save_state(self) -> Act: ...
-
-    def restore_state(self) -> Act: ...
-
-    def remove(self) -> Act: ...
-
-    def inspect(self) -> Act: ...
-
-
-class Scenes(Protocol):
-    """Loads scenes, and objects that join them; each method gets the function to answer with."""
-
-    def reload(self, answer: Answer) -> None: ...
-
-    def cancel(self, answer: Answer) -> None: ...
-
-    def spawn(self, answer: Answer) -> None: ...
-
-
-_TRIGGERS = ('gust', 'apply_impulse', 'launch_projectile', 'explode', 'demolish', 'cut',
-             'earthquake', 'grow', 'clear_wrenches', 'step_simulation', 'reset_simulation',
-             'save_state', 'restore_state', 'remove', 'inspect')
-_SWITCHES = ('set_wind_enabled', 'set_pause')
 
 
 class Answers:
@@ -178,44 +122,35 @@ class Answers:
                 self._timer.cancel()
 
 
-def create_services(node: Node, answers: Answers, actions: Actions, scenes: Scenes) -> None:
+def create_services(node: Node, answers: Answers, requests: Requests, loading: Loading) -> None:
     """
     Create all services.
 
     :param node: the node that offers them.
     :param answers: waits for the results of commands.
-    :param actions: prepares the operations.
-    :param scenes: loads scenes.
+    :param requests: prepares the operations.
+    :param loading: loads scenes.
     """
-    for name in _TRIGGERS:
-        node.create_service(Trigger, f'~/{name}', _trigger(answers, name, getattr(actions, name)),
-                            callback_group=answers.group)
-    for name, begin in (('reload_scene', scenes.reload), ('cancel_reload', scenes.cancel),
-                        ('spawn', scenes.spawn)):
-        node.create_service(Trigger, f'~/{name}', _long_trigger(answers, name, begin),
-                            callback_group=answers.group)
-    for name in _SWITCHES:
-        node.create_service(SetBool, f'~/{name}', _switch(answers, name, getattr(actions, name)),
-                            callback_group=answers.group)
+    def offer(kind: type, name: str, ask: Callable[[Any], Awaitable[tuple[bool, str]]]) -> None:
+        async def serve(request: Any, response: Any) -> Any:
+            response.success, response.message = await ask(request)
+            return response
+        node.create_service(kind, f'~/{name}', serve, callback_group=answers.group)
 
+    def offer_trigger(name: str, prepare: Callable[[], Act]) -> None:
+        offer(Trigger, name, lambda request: answers.ask(name, prepare))
 
-def _trigger(answers: Answers, name: str, prepare: Callable[[], Act]):
-    async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = await answers.ask(name, prepare)
-        return response
-    return serve
+    def offer_long(name: str, begin: Callable[[Answer], None]) -> None:
+        offer(Trigger, name, lambda request: answers.wait_for(name, begin))
 
+    def offer_switch(name: str, act: Callable[[bool], str]) -> None:
+        offer(SetBool, name, lambda request: answers.ask(
+            name, lambda: lambda: act(request.data)))
 
-def _long_trigger(answers: Answers, name: str, begin: Callable[[Answer], None]):
-    async def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success, response.message = await answers.wait_for(name, begin)
-        return response
-    return serve
-
-
-def _switch(answers: Answers, name: str, prepare: Callable[[bool], Act]):
-    async def serve(request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
-        response.success, response.message = await answers.ask(
-            name, lambda: prepare(request.data))
-        return response
-    return serve
+    for name, prepare in requests.triggers.items():
+        offer_trigger(name, prepare)
+    for name, begin in (('reload_scene', loading.reload), ('cancel_reload', loading.cancel),
+                        ('spawn', loading.spawn)):
+        offer_long(name, begin)
+    for name, act in requests.switches.items():
+        offer_switch(name, act)

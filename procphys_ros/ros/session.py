@@ -15,7 +15,8 @@
 
 """Session: the running simulation, and the operations on it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -204,13 +205,8 @@ class Session:
         self._refuse_after_failure()
         name = spawn.name or self.simulation.free_name(spawn.stem)
         known = len(self.simulation.warnings)
-        try:
+        with self._stopping():
             joined = self.simulation.add(blueprint, spawn.position, spawn.yaw, name)
-        except CommandError:
-            raise
-        except Exception as error:
-            self.fail(error)
-            raise
         self.on_steps()
         return '; '.join([f'{name} stands at {list(spawn.position)} m, {joined.count} parts',
                           *self.simulation.warnings[known:]])
@@ -257,11 +253,8 @@ class Session:
         self._refuse_after_failure()
         if not self.paused:
             raise CommandError('the simulation is running; pause it first with ~/set_pause')
-        try:
+        with self._stopping():
             self.simulation.step()
-        except Exception as error:
-            self.fail(error)
-            raise
         self.on_steps()
         return f'stepped to {self.simulation.time:.4f} s'
 
@@ -274,11 +267,8 @@ class Session:
         return self._begin_anew(self.simulation.revert)
 
     def _begin_anew(self, begin: Callable[[], None]) -> str:
-        try:
+        with self._stopping():
             begin()
-        except Exception as error:
-            self.fail(error)
-            raise
         self._blow(self.simulation.wind.settings.velocity)
         self._recover()
         self.on_reset()
@@ -310,6 +300,17 @@ class Session:
         """
         self.failure = f'{type(error).__name__}: {error}' if str(error) else type(error).__name__
         self._pacer.restart()
+
+    @contextmanager
+    def _stopping(self) -> Iterator[None]:
+        """Stop time if a block fails, unless it refuses a command."""
+        try:
+            yield
+        except CommandError:
+            raise
+        except Exception as error:
+            self.fail(error)
+            raise
 
     @property
     def stands(self) -> bool:

@@ -32,7 +32,7 @@ from rclpy.node import Node
 from procphys_ros import messages
 from procphys_ros.errors import CommandError
 from procphys_ros.ros.entities import Entities
-from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS, Replies
+from procphys_ros.ros.entity_services import BeginSpawn, EntityServer, FORMATS
 from procphys_ros.ros.posix_pattern import PosixPattern
 from procphys_ros.ros.services import Answers
 from procphys_ros.ros.session import Session
@@ -53,16 +53,16 @@ FEATURES = {'ENTITY_TAGS': 'get_entities', 'ENTITY_BOUNDS_BOX': 'get_entities',
             'SPAWNING_RESOURCE_STRING': 'spawn_entity', 'SPAWNABLES': 'get_spawnables',
             'DELETING': 'delete_entity', 'ENTITY_STATE_SETTING': 'set_entity_state',
             'SIMULATION_RESET_SPAWNED': 'reset_simulation'}
-_SERVICES = {'get_simulator_features': 'GetSimulatorFeatures',
-             'get_simulation_state': 'GetSimulationState',
-             'set_simulation_state': 'SetSimulationState', 'step_simulation': 'StepSimulation',
-             'reset_simulation': 'ResetSimulation', 'get_entities': 'GetEntities',
-             'get_entity_state': 'GetEntityState', 'get_entities_states': 'GetEntitiesStates',
-             'get_entity_info': 'GetEntityInfo', 'get_spawnables': 'GetSpawnables',
-             'get_entity_bounds': 'GetEntityBounds', 'spawn_entity': 'SpawnEntity',
-             'spawn_entities': 'SpawnEntities', 'delete_entity': 'DeleteEntity',
-             'set_entity_state': 'SetEntityState'}
-_ACTIONS = {'simulate_steps': 'SimulateSteps'}
+_SERVICES = ('get_simulator_features', 'get_simulation_state', 'set_simulation_state',
+             'step_simulation', 'reset_simulation', 'get_entities', 'get_entity_state',
+             'get_entities_states', 'get_entity_info', 'get_spawnables', 'get_entity_bounds',
+             'spawn_entity', 'spawn_entities', 'delete_entity', 'set_entity_state')
+_ACTIONS = ('simulate_steps',)
+
+
+def _kind(name: str) -> str:
+    """Return the name of the type of a service or action."""
+    return name.title().replace('_', '')
 
 
 def offer(node: Node, answers: Answers, session: Session, begin_spawn: BeginSpawn) -> list[str]:
@@ -99,17 +99,17 @@ def _create(node: Node, answers: Answers, session: Session, begin_spawn: BeginSp
         actions: Any = import_module(f'{PACKAGE}.action')
     except ImportError:
         actions = None
-    services = [name for name, kind in _SERVICES.items() if hasattr(kinds, kind)]
-    courses = [name for name, kind in _ACTIONS.items() if hasattr(actions, kind)]
+    services = [name for name in _SERVICES if hasattr(kinds, _kind(name))]
+    courses = [name for name in _ACTIONS if hasattr(actions, _kind(name))]
     frame = node.get_parameter('world_frame').value
     server = SimulationInterfacesServer(types, answers, begin_spawn, session, frame,
                                         [*services, *courses])
     for name in services:
         serve = getattr(server, name, None) or getattr(server.entities, name)
-        made.append(node.create_service(getattr(kinds, _SERVICES[name]), f'~/{PACKAGE}/{name}',
+        made.append(node.create_service(getattr(kinds, _kind(name)), f'~/{PACKAGE}/{name}',
                                         serve, callback_group=answers.group))
     for name in courses:
-        ActionServer(node, getattr(actions, _ACTIONS[name]), f'~/{PACKAGE}/{name}',
+        ActionServer(node, getattr(actions, _kind(name)), f'~/{PACKAGE}/{name}',
                      getattr(server, name), callback_group=answers.group,
                      cancel_callback=lambda handle: CancelResponse.ACCEPT)
     return [*services, *courses]
@@ -128,7 +128,7 @@ class SimulationInterfacesServer:
     :ivar entities: handles requests that add, remove and move entities.
     """
 
-    def __init__(self, types: Any, replies: Replies, begin_spawn: BeginSpawn, session: Session,
+    def __init__(self, types: Any, replies: Answers, begin_spawn: BeginSpawn, session: Session,
                  frame: str, offered: Sequence[str] = (*_SERVICES, *_ACTIONS)):
         self._types = types
         self._result, self._state = types.Result, types.SimulationState

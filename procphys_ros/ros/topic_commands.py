@@ -30,15 +30,8 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from procphys_ros.errors import CommandError
-from procphys_ros.ros.commands import Command, CommandQueue
-from procphys_ros.ros.conversions import (
-    Act,
-    check_frame,
-    joint_drives,
-    part_name,
-    pose,
-    triple,
-)
+from procphys_ros.ros.commands import Act, Command, CommandQueue
+from procphys_ros.ros.conversions import check_frame, joint_drives, part_name, pose, triple
 from procphys_ros.ros.receiver import Inlet, Receiver
 from procphys_ros.ros.requests import Requests
 from procphys_ros.ros.session import Session
@@ -56,6 +49,7 @@ class TopicCommands:
     :param requests: reads the parameters that a command needs.
     :param frame: required frame of vectors.
     :param intruders: names of the movable bodies besides the unnamed one.
+    :ivar receiver: of the topics.
     """
 
     def __init__(self, node: Node, queue: CommandQueue, session: Session, requests: Requests,
@@ -64,11 +58,11 @@ class TopicCommands:
         self._session = session
         self._requests = requests
         self._frame = frame
-        self._receiver = Receiver(node)
+        self.receiver = Receiver(node)
         try:
             self._subscribe_all(intruders)
         except Exception:
-            self._receiver.stop(0.0)
+            self.receiver.stop(0.0)
             raise
 
     def _subscribe_all(self, intruders: Sequence[str]) -> None:
@@ -86,23 +80,6 @@ class TopicCommands:
         if intruders:
             self._subscribe('intruders', PoseArray, partial(self._intruders, tuple(intruders)))
 
-    @property
-    def names(self) -> list[str]:
-        """Return the names of the topics, after remapping."""
-        return self._receiver.names
-
-    def unheard(self) -> dict[str, tuple[str, str]]:
-        """Return, by topic, a publisher of incompatible quality of service, and the reason."""
-        return self._receiver.unheard()
-
-    def start(self) -> None:
-        """Start receiving."""
-        self._receiver.start()
-
-    def stop(self, patience: float) -> bool:
-        """End receiving, wait some time [s], and return whether it has ended."""
-        return self._receiver.stop(patience)
-
     def _subscribe(self, name: str, kind: type, read: Callable[[Any], Act]) -> None:
         def reject(error: Exception) -> None:
             self._queue.reject(name, error)
@@ -114,7 +91,7 @@ class TopicCommands:
             self._queue.reject(name, f'{count} messages were lost, they came faster than they can '
                                      'be taken', count=count)
 
-        self._receiver.subscribe(kind, f'~/{name}', Inlet(
+        self.receiver.subscribe(kind, f'~/{name}', Inlet(
             receive, reject, lose, lambda: self._queue.is_full,
             lambda: self._queue.reject_surplus(name)))
 
