@@ -20,7 +20,12 @@ from procphys_ros.language.curves import ControlCurve
 from procphys_ros.language.defines import check_overrides, generator_of, resolve_defines
 from procphys_ros.language.expressions import compile_expression, Expression
 from procphys_ros.language.grammar import EXPRESSION_GRAMMAR, EXPRESSION_WORDS
-from procphys_ros.language.includes import find_grammar, read_include, TRANSLATED
+from procphys_ros.language.includes import (
+    find_grammar,
+    GrammarFile,
+    read_include,
+    TRANSLATED,
+)
 from procphys_ros.language.place import Place
 from procphys_ros.language.reader import Entry, GrammarReader, Node
 from procphys_ros.language.syntax import (
@@ -36,6 +41,7 @@ __all__ = [
     'EXPRESSION_WORDS',
     'Entry',
     'Expression',
+    'GrammarFile',
     'GrammarReader',
     'Node',
     'Place',

@@ -15,9 +15,10 @@
 
 """Includes: find and read the grammars from which a grammar includes definitions."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 import os
 from pathlib import Path
+from typing import Any, ClassVar, Self
 
 from procphys_ros.errors import GrammarError
 from procphys_ros.files.file_bounds import outside
@@ -44,6 +45,24 @@ def find_grammar(path: str | Path) -> Path:
     given = Path(path)
     shipped = shared_folder() / 'grammars' / given
     return shipped if not os.path.exists(given) and os.path.isfile(shipped) else given
+
+
+class GrammarFile:
+    """Base of parsed grammars: they come from files, too."""
+
+    parse: ClassVar[Callable[..., Any]]
+
+    @classmethod
+    def load(cls, path: str | Path, **bounds: int) -> Self:
+        """
+        Read a grammar from a file.
+
+        :param path: of the file, UTF-8, or the name of a shipped grammar, such as oak.lsys.
+        :param bounds: as `parse` takes them.
+        :raises GrammarError: when the file cannot be read or does not fit the language.
+        """
+        found = find_grammar(path)
+        return cls.parse(read_text(found), str(path), folder=found.absolute().parent, **bounds)
 
 
 def read_include(name: str, folder: Path | None, place: Place,

@@ -24,7 +24,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
-from procphys_ros.language import check_length, find_grammar, read_text
+from procphys_ros.language import check_length, GrammarFile
 from procphys_ros.lsystem.compiler import compile_grammar, CompiledGrammar
 from procphys_ros.lsystem.growth import build_drawn, grow, Growth
 from procphys_ros.lsystem.modules import Modules
@@ -35,7 +35,7 @@ _NO_DEFINES: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
-class LSystem:
+class LSystem(GrammarFile):
     """
     A compiled L-system.
 
@@ -58,18 +58,6 @@ class LSystem:
         """
         check_length(text, source)
         return cls(compile_grammar(text, source, max_modules, folder))
-
-    @classmethod
-    def load(cls, path: str | Path, max_modules: int = MAX_MODULES) -> 'LSystem':
-        """
-        Read a grammar file.
-
-        :param path: of the file, or the name of a shipped grammar, such as oak.lsys.
-        :param max_modules: longest string that it may derive.
-        :raises GrammarError: when the file cannot be read or is not an L-system.
-        """
-        found = find_grammar(path)
-        return cls.parse(read_text(found), str(path), max_modules, found.absolute().parent)
 
     @property
     def name(self) -> str:

@@ -20,9 +20,8 @@ from pathlib import Path
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.language import (
     check_length,
-    find_grammar,
     generator_of,
-    read_text,
+    GrammarFile,
     resolve_defines,
 )
 from procphys_ros.mechanism.assembly import assemble, usual_material
@@ -38,7 +37,7 @@ _REQUIRED = ('density',)
 
 
 @dataclass(frozen=True)
-class MechanismGrammar:
+class MechanismGrammar(GrammarFile):
     """
     A parsed mechanism grammar, ready to build.
 
@@ -68,18 +67,6 @@ class MechanismGrammar:
         spec = parse(text, source, folder)
         materials = read_materials(spec.materials, spec.places, MATERIALS, _REQUIRED)
         return cls(spec, source, materials, most_parts)
-
-    @classmethod
-    def load(cls, path: str | Path, most_parts: int = MOST_PARTS) -> 'MechanismGrammar':
-        """
-        Read a grammar from a file.
-
-        :param path: of the file, UTF-8, or the name of a shipped grammar, such as gate.mech.
-        :param most_parts: bound on the parts of the mechanism.
-        :raises GrammarError: when the file cannot be read or does not fit the language.
-        """
-        found = find_grammar(path)
-        return cls.parse(read_text(found), str(path), most_parts, found.absolute().parent)
 
     def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """

@@ -24,9 +24,8 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
 from procphys_ros.language import (
     check_length,
-    find_grammar,
     generator_of,
-    read_text,
+    GrammarFile,
     resolve_defines,
 )
 from procphys_ros.wallgrammar import bodies, contacts, corners, hinged, polygons, references
@@ -54,7 +53,7 @@ MOST_PARTS = 200_000  # default bound on the parts of one building
 
 
 @dataclass(frozen=True)
-class WallGrammar:
+class WallGrammar(GrammarFile):
     """
     A parsed wall grammar, ready to build.
 
@@ -89,18 +88,6 @@ class WallGrammar:
         for panel in spec.panels.values():
             check_panel(panel, layouts, materials)
         return cls(spec, source, materials, layouts, most_parts)
-
-    @classmethod
-    def load(cls, path: str | Path, most_parts: int = MOST_PARTS) -> 'WallGrammar':
-        """
-        Read a grammar from a file.
-
-        :param path: of the file, UTF-8, or the name of a shipped grammar, such as barn.wall.
-        :param most_parts: bound on the parts of the building.
-        :raises GrammarError: when the file cannot be read or does not fit the language.
-        """
-        found = find_grammar(path)
-        return cls.parse(read_text(found), str(path), most_parts, found.absolute().parent)
 
     def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
