@@ -41,6 +41,7 @@ SOURCES = [*MODULES, *sorted((ROOT / 'test').glob('*.py')), *sorted((ROOT / 'ben
 LAYERS = {
     '': 0, 'errors': 0, 'progress': 0, 'files': 0, 'terminal': 0.5,
     'compilation': 1, 'schema': 1, 'warm': 1, '__main__': 1, 'physics.air': 1,
+    'physics.gravity': 1,
     'elementary': 1.2, 'geometry': 1.4, 'blueprint': 2, 'physics.terrain': 2, 'physics.causes': 2,
     'physics.erosion': 2, 'physics.ground_motion': 2,
     'appearance': 3, 'language': 3, 'physics.fracture_energy': 3, 'physics.kinetic': 3,

@@ -26,6 +26,7 @@ from procphys_ros.environment.sky import above_horizon, CELL, Cells, sky_directi
 from procphys_ros.environment.statics import load, sag
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 _UP = np.array([0.0, 0.0, 1.0])
@@ -48,7 +49,7 @@ class Habitat:
     terrain: Terrain = FLAT
     wind: np.ndarray = field(default_factory=lambda: np.zeros(3))
     storm: float = STORM
-    gravity: float = 9.81
+    gravity: float = GRAVITY
     threads: int = 1
 
     def answer(self, plants: Sequence[Plant]) -> list[dict[str, np.ndarray]]:

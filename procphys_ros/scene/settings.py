@@ -15,10 +15,11 @@
 """Settings of the world that a scene stands in."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, MISSING
 from typing import Any
 
 from procphys_ros.blueprint import Shape
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.ground_motion import GroundRecord
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.wind import Gust, Record, WindSettings
@@ -66,7 +67,7 @@ class Settings(ParameterGroup):
 
     seed: int = declared(0, 'seed of everything random', '', 0, 2**62)
     time_step: float = declared(1.0 / 60.0, 'length of one simulation step', 's', 1e-4, 0.1)
-    gravity: float = declared(9.81, 'downward acceleration', 'm/s²', 0.0, 100.0)
+    gravity: float = declared(GRAVITY, 'downward acceleration', 'm/s²', 0.0, 100.0)
     engine: str = declared(
         DEFAULT_ENGINE, 'library that moves rigid bodies; auto: the first that is installed',
         choices=(DEFAULT_ENGINE, *ENGINES))
@@ -121,6 +122,7 @@ def read_settings(parameters: Mapping[str, Any]) -> Settings:
     :raises SceneError: naming the key, the value and what is allowed.
     """
     own = {p.name: parameters[p.name] for p in declarations(Settings) if p.name in parameters}
-    groups = {f.name: f.default_factory.read(parameters) for f in fields(Settings)
-              if isinstance(f.default_factory, type)}
+    kinds: dict[str, Any] = {f.name: f.default_factory for f in fields(Settings)
+                             if f.default_factory is not MISSING}
+    groups = {name: kind.read(parameters) for name, kind in kinds.items()}
     return Settings(**own, **groups, cues=read_cues(parameters))

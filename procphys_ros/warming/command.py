@@ -22,15 +22,15 @@ Compile all kernels, so that no simulation has to wait for them.
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import as_completed, ProcessPoolExecutor
 import gc
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, get_context
 import os
 import signal
 import sys
-from threading import Thread
 from time import monotonic
 
 from procphys_ros.compilation.folder import is_complete, mark_complete
 from procphys_ros.terminal.argument_parser import OneLineParser, whole
+from procphys_ros.terminal.interruption import end_with_parent
 from procphys_ros.terminal.program import INTERRUPTED
 from procphys_ros.terminal.progress_bar import ProgressBar
 from procphys_ros.terminal.warning_lines import told_to
@@ -99,7 +99,7 @@ def _at_once(jobs: int) -> Iterator[str]:
     if jobs <= 1:
         yield from map(_run, _scenes())
         return
-    with ProcessPoolExecutor(jobs, get_context('spawn'), _end_with_parent) as pool:
+    with ProcessPoolExecutor(jobs, get_context('spawn'), end_with_parent) as pool:
         # Workers take over what is blocked: Ctrl-C in a terminal is for this process alone.
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         futures = [pool.submit(_run, name) for name in _scenes()]
@@ -112,17 +112,6 @@ def _at_once(jobs: int) -> Iterator[str]:
             for worker in active_children():
                 worker.terminate()
             raise
-
-
-def _end_with_parent() -> None:
-    """Let a worker end when the process that has started it is killed."""
-    parent = parent_process()
-    assert parent is not None
-
-    def watch() -> None:
-        parent.join()
-        os._exit(1)
-    Thread(target=watch, daemon=True).start()
 
 
 def _run(name: str) -> str:

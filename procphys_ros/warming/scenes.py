@@ -106,8 +106,9 @@ mechanism flap {
 def step_trees() -> None:
     """Compile the step of trees, which takes longest, by stepping none."""
     plan, *where = _tree(0)
-    integrator.step(plan, *where, 1.0 / 60.0)
-    equilibrium.lean(plan, np.zeros(0, np.int64), *where, 1e-6)
+    none = np.zeros(0, np.int64)
+    integrator.step(plan, none, np.zeros(0), *where)
+    equilibrium.lean(plan, none, *where, 1e-6)
 
 
 def pile_up() -> None:

@@ -25,6 +25,7 @@ from procphys_ros.elementary import cbrt, exp, expm1, hypot, log, standard_norma
 from procphys_ros.elementary.array_enum import ArrayEnum
 from procphys_ros.physics.air import AIR_DENSITY, AIR_VISCOSITY
 from procphys_ros.physics.dust.sources import DUST_PER_ENERGY
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.skyline import keep_out, OPEN, Skyline
 from procphys_ros.physics.terrain import FLAT, Terrain
 
@@ -98,7 +99,7 @@ class DustCloud:
     _terrain: Terrain
     _rng: np.random.Generator
 
-    def __init__(self, capacity: int, seed: int, gravity: float = 9.81,
+    def __init__(self, capacity: int, seed: int, gravity: float = GRAVITY,
                  terrain: Terrain = FLAT):
         self._terrain = terrain
         self._seed = seed
@@ -201,7 +202,7 @@ class DustCloud:
         self._airborne = True
 
 
-def stokes_speed(diameter: np.ndarray, gravity: float = 9.81) -> np.ndarray:
+def stokes_speed(diameter: np.ndarray, gravity: float = GRAVITY) -> np.ndarray:
     """
     Compute the settling speed of grains in still air, Δρ·g·d²/(18·μ) [m/s].
 

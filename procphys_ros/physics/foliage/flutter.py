@@ -30,6 +30,7 @@ from procphys_ros.blueprint import Leaves
 from procphys_ros.compilation import kernel, subroutine
 from procphys_ros.compilation import threads as pool
 from procphys_ros.elementary import exp, functions, normal_of
+from procphys_ros.physics.air import CALM
 
 # Frequency of a blade of one size. With petioles proportional to blades of one thickness,
 # stiffness scales with size³ and inertia with size⁴, so the frequency with size^-1/2; leaves of a
@@ -42,7 +43,6 @@ _NOD_RATIO = math.sqrt(4.3 / 4.0)
 _NOD_SPREAD = 0.2
 _ONSET = 8.0  # speed over frequency and size at which flutter has 63 % of its full amplitude
 _TWIST, _NOD = 0.45, 0.15  # [rad] full amplitudes: our choice, without published statistics
-_TURN_SPEED = 10.0  # [m/s] onset of streamlining of crowns, as in the drag of the tree kernel
 _TURN_MOST = 0.9  # largest drag over restoring moment: below 1, or a blade facing the wind flips
 _MODES = 3  # nodding about x, about y, twisting about z
 
@@ -162,7 +162,7 @@ def _downwind(q, flow, speed):
     """
     x, y, z, w = q
     nx, ny, nz = 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
-    square = (speed / _TURN_SPEED) ** 2
+    square = (speed / CALM) ** 2
     push = _TURN_MOST * square / (1.0 + square)
     dx, dy, dz = nx + push * flow[0], ny + push * flow[1], nz + push * flow[2]
     tx, ty, tz = ny * dz - nz * dy, nz * dx - nx * dz, nx * dy - ny * dx

@@ -23,9 +23,9 @@ import numpy as np
 
 from procphys_ros.compilation import kernel
 from procphys_ros.elementary import power, weibull
-from procphys_ros.physics.air import AIR_DENSITY, LEAF_DRAG, SHEDDING_SPEED
+from procphys_ros.physics.air import AIR_DENSITY, CALM, LEAF_DRAG, SHEDDING_SPEED
 
-_CALM, _STORM = 10.0, 20.0  # [m/s] range of wind speeds in which leaves roll up
+_STORM = 20.0  # [m/s] wind speed up to which leaves roll up, from `CALM` on
 _STREAMLINING = -0.85  # Vogel exponent there (Vogel 1989, J. Exp. Botany 40:941, 10 and 20 m/s)
 
 # A hurricane of category 3 (50 m/s) strips trees (Simpson 1974, Weatherwise 27).
@@ -40,7 +40,7 @@ def drag_pressure(speed: np.ndarray | float) -> np.ndarray:
     :param speed: of the air past the leaf [m/s], (...).
     """
     speed = np.asarray(speed, float)
-    rolled = power(np.clip(speed, _CALM, _STORM) / _CALM, _STREAMLINING)
+    rolled = power(np.clip(speed, CALM, _STORM) / CALM, _STREAMLINING)
     return 0.5 * AIR_DENSITY * LEAF_DRAG * rolled * (speed * speed)
 
 
@@ -52,9 +52,9 @@ def speed_of(pressure: np.ndarray) -> np.ndarray:
     """
     root = np.sqrt(np.asarray(pressure, float) / (0.5 * AIR_DENSITY * LEAF_DRAG))
     half = 0.5 * _STREAMLINING
-    rolling = power(root * power(_CALM, half), 1.0 / (1.0 + half))
-    beyond = root * power(_CALM / _STORM, half)
-    return np.where(root <= _CALM, root, np.where(rolling <= _STORM, rolling, beyond))
+    rolling = power(root * power(CALM, half), 1.0 / (1.0 + half))
+    beyond = root * power(CALM / _STORM, half)
+    return np.where(root <= CALM, root, np.where(rolling <= _STORM, rolling, beyond))
 
 
 def strengths(area: np.ndarray, shedding_speed: np.ndarray | float,

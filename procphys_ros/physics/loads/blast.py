@@ -27,9 +27,8 @@ from procphys_ros.errors import CommandError
 from procphys_ros.geometry.linear import norm
 from procphys_ros.physics.air import CYLINDER_DRAG
 from procphys_ros.physics.loads import air_blast, faces, reflections
-from procphys_ros.physics.loads.sight import Sight
+from procphys_ros.physics.loads.sight import OFF_FACE, Sight
 
-_OFF_FACE = 1e-4      # [m] offset of the start of rays from a face
 _LARGEST = 1e6        # [kg] largest charge (a kiloton), which exceeds the size of scenes
 
 
@@ -127,7 +126,7 @@ def _wave(image: reflections.Image, scale: float, burst: float, patches: faces.F
     distance = np.maximum(norm(towards, axis=1), 1e-9)
     cosine = np.einsum('ki,ki->k', towards, patches.normal) / distance
     seen = cosine > 0.0
-    seen[seen] = image.reaches((patches.centre + _OFF_FACE * patches.normal)[seen],
+    seen[seen] = image.reaches((patches.centre + OFF_FACE * patches.normal)[seen],
                                patches.owner[seen], sight)
     felt = seen | one_sided
     patches, z, cosine = patches.take(felt), distance[felt] / scale, np.where(

@@ -23,6 +23,8 @@ import numpy as np
 from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.geometry import rotation
 
+CELL = 0.25    # [m] edge of a cell, about the length of a brick
+SIX_WAYS = np.concatenate([np.eye(3), -np.eye(3)])
 _ENCLOSED = 4  # least number of blocked directions, of six along the axes, of enclosed cells
 
 

@@ -29,13 +29,12 @@ import numpy as np
 
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
-from procphys_ros.physics.loads.lattice import heading
+from procphys_ros.physics.loads.lattice import heading, SIX_WAYS
 from procphys_ros.physics.loads.sight import SEAL, Sight
 
 _ORDERS = 2        # largest number of reflections of a wave
 _OFF = 2.0 * SEAL  # [m] distance from a plane at which rays end, and behind which it must be solid
 _SAME = 0.05       # [m] largest offset of faces of one rough plane
-_WAYS = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
@@ -92,7 +91,7 @@ def images(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray,
     if not len(poses):
         return []
     planes: list[tuple[np.ndarray, np.ndarray]] = []
-    for foot, normal in _faces(point, poses, sizes, _WAYS if floor else _WAYS[:5]):
+    for foot, normal in _faces(point, poses, sizes, SIX_WAYS if floor else SIX_WAYS[:5]):
         depth = product(point - foot, normal)
         if all(norm(depth * normal - product(point - other, way) * way) > _SAME
                for other, way in planes):

@@ -26,17 +26,15 @@ import scipy  # subpackages are imported on first use
 from procphys_ros.elementary import cbrt
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
-from procphys_ros.physics.loads.lattice import heading, Lattice
+from procphys_ros.physics.loads.lattice import CELL, heading, Lattice, SIX_WAYS
 from procphys_ros.physics.loads.sight import Sight
 
-_CELL = 0.25     # [m] of the lattice
 _REACH = 15.0    # [m] to each side: extent of the search for a room
 _LEAST = 4       # least number of blocked directions, of six, at the point: an early test
 _OPEN = 0.6      # vents over volume^(2/3), above which gas escapes at once: an estimate, ascribed
 #                  to UFC 3-340-02, 2-14, which could not be read
 _WALL = 2        # [cells] thickness of walls that move together with their inner face
 _STEPS = (0.5, 1.0, 1.5)  # [cells] distances from a face at which its room is looked up
-_SIX = np.concatenate([np.eye(3), -np.eye(3)])
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class Room:
         """
         found = np.zeros(len(centres), bool)
         for step in _STEPS:
-            found |= self.lattice.holds(self.inside, centres + step * _CELL * normals)
+            found |= self.lattice.holds(self.inside, centres + step * CELL * normals)
         return found
 
     def encloses(self, points: np.ndarray) -> np.ndarray:
@@ -95,7 +93,7 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
         return None
     nearest = int(np.argmin(np.square(poses[:, :3] - point).sum(axis=1)))
     turn = heading(poses[nearest, 3:])
-    ways = point + _REACH * rotation.rotate(turn, _SIX)
+    ways = point + _REACH * rotation.rotate(turn, SIX_WAYS)
     ends = ~sight.clear(np.tile(point, (6, 1)), ways, np.full(6, -1)) | (ways[:, 2] < ground)
     if ends.sum() < _LEAST:
         return None
@@ -103,9 +101,9 @@ def find_room(point: np.ndarray, poses: np.ndarray, sizes: np.ndarray, sight: Si
     away = rotation.rotate(rotation.conjugate(turn), poses[:, :3] - point)
     near = (np.abs(away) < reach[:, None]).all(axis=1)
     low = np.array([-_REACH, -_REACH, max(ground - point[2], -_REACH)])
-    shape = np.ceil((_REACH - low) / _CELL).astype(np.intp)
+    shape = np.ceil((_REACH - low) / CELL).astype(np.intp)
     lattice = Lattice.draw(poses[near], sizes[near], point + rotation.rotate(turn, low), turn,
-                           _CELL, shape)
+                           CELL, shape)
     labels, _ = scipy.ndimage.label(lattice.enclosed(ground))
     number = _label_near(labels, tuple(lattice.cells(point[None])[0]))
     return _measure(labels == number, lattice) if number else None
@@ -134,8 +132,8 @@ def _measure(inside: np.ndarray, lattice: Lattice) -> Room:
                         for other in range(3) if other != axis for way in (1, -1))
             vents += float(leads_out.sum()) + 0.5 * edges
             walls += int((inside & beside).sum())
-    area = _CELL * _CELL
-    volume = inside.sum() * (_CELL * _CELL * _CELL) + 0.5 * _CELL * walls * area
+    area = CELL * CELL
+    volume = inside.sum() * (CELL * CELL * CELL) + 0.5 * CELL * walls * area
     return Room(float(volume), vents * area, walls * area, lattice, inside)
 
 

@@ -28,6 +28,7 @@ from procphys_ros.geometry import rotation
 
 _MOST_CELLS = 2_000_000  # more would cost more time to clear than they save
 _LEAST_CELL = 0.25       # [m] about the size of a brick
+OFF_FACE = 1e-4          # [m] offset of the start of rays from the face that they leave
 SEAL = 0.011             # [m] offset of the faces of boxes: more than the width of a mortar joint
 
 

@@ -20,9 +20,8 @@ import numpy as np
 from procphys_ros.elementary import cbrt
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm
-from procphys_ros.physics.loads.lattice import heading, Lattice
+from procphys_ros.physics.loads.lattice import CELL, heading, Lattice
 
-_CELL = 0.25          # [m] least cell of the lattice
 _MOST = 4_000_000     # largest number of cells
 _MARGIN = 3           # [cells] of air around a building
 _OUT = (1.0, 1.5)     # [cells] distances from a face at which it must be in the open
@@ -68,7 +67,7 @@ def _around(poses: np.ndarray, sizes: np.ndarray, axes: np.ndarray) -> Lattice:
     reach[:, :2] = norm(reach[:, :2], axis=1, keepdims=True)
     local = rotation.rotate(rotation.conjugate(turn), poses[:, :3])
     low, high = (local - reach).min(axis=0), (local + reach).max(axis=0)
-    cell = max(_CELL, float(cbrt(np.prod(high - low) / _MOST)))
+    cell = max(CELL, float(cbrt(np.prod(high - low) / _MOST)))
     low = low - [_MARGIN * cell, _MARGIN * cell, 0.0]
     shape = np.ceil((high - low) / cell).astype(np.intp) + _MARGIN
     return Lattice.draw(poses, sizes, rotation.rotate(turn, low), turn, cell, shape)

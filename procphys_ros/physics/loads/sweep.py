@@ -19,6 +19,7 @@ Swept projectiles: targets touched by a sphere or a box on a straight path.
 Every target is tested by its bounding sphere first, the few that remain exactly.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -63,14 +64,9 @@ def sweep_boxes(start: np.ndarray, end: np.ndarray, radius: float, poses: np.nda
     :param sizes: full extents, (N, 3) [m].
     :param active: boxes to test, (N,) bool; None = all.
     """
-    start, along = _way(start, end)
-    rows = _near(start, along, radius, poses, sizes, _flags(active, len(poses)))
-    if not len(rows):
-        return _NONE
-    axes = rotation.to_matrix(poses[rows, 3:])
-    found = first_touch.sphere_on_boxes(start, along, radius, poses[rows, :3], axes,
-                                        0.5 * sizes[rows])
-    return _sorted(rows, *found)
+    def touch(start: np.ndarray, along: np.ndarray, rows: np.ndarray) -> tuple:
+        return first_touch.sphere_on_boxes(start, along, radius, *_boxes(poses, sizes, rows))
+    return _swept(start, end, radius, poses, sizes, active, touch)
 
 
 def sweep_capsules(start: np.ndarray, end: np.ndarray, radius: float, poses: np.ndarray,
@@ -82,12 +78,9 @@ def sweep_capsules(start: np.ndarray, end: np.ndarray, radius: float, poses: np.
 
     The other parameters are those of `sweep_boxes`.
     """
-    start, along = _way(start, end)
-    rows = _near(start, along, radius, poses, sizes, _flags(active, len(poses)))
-    if not len(rows):
-        return _NONE
-    found = first_touch.sphere_on_capsules(start, along, radius, *_capsules(poses, sizes, rows))
-    return _sorted(rows, *found)
+    def touch(start: np.ndarray, along: np.ndarray, rows: np.ndarray) -> tuple:
+        return first_touch.sphere_on_capsules(start, along, radius, *_capsules(poses, sizes, rows))
+    return _swept(start, end, radius, poses, sizes, active, touch)
 
 
 def sweep_box_boxes(start: np.ndarray, end: np.ndarray, attitude: np.ndarray, extent: np.ndarray,
@@ -103,16 +96,12 @@ def sweep_box_boxes(start: np.ndarray, end: np.ndarray, attitude: np.ndarray, ex
 
     The other parameters are those of `sweep_boxes`.
     """
-    start, along = _way(start, end)
     half = 0.5 * np.asarray(extent, float)
-    rows = _near(start, along, float(norm(half)), poses, sizes,
-                 _flags(active, len(poses)))
-    if not len(rows):
-        return _NONE
-    axes = rotation.to_matrix(poses[rows, 3:])
-    found = first_touch.box_on_boxes(start, along, rotation.to_matrix(attitude), half,
-                                     poses[rows, :3], axes, 0.5 * sizes[rows])
-    return _sorted(rows, *found)
+
+    def touch(start: np.ndarray, along: np.ndarray, rows: np.ndarray) -> tuple:
+        return first_touch.box_on_boxes(start, along, rotation.to_matrix(attitude), half,
+                                        *_boxes(poses, sizes, rows))
+    return _swept(start, end, float(norm(half)), poses, sizes, active, touch)
 
 
 def sweep_box_capsules(start: np.ndarray, end: np.ndarray, attitude: np.ndarray,
@@ -123,24 +112,39 @@ def sweep_box_capsules(start: np.ndarray, end: np.ndarray, attitude: np.ndarray,
 
     The parameters are those of `sweep_box_boxes` and `sweep_capsules`.
     """
-    start, along = _way(start, end)
     half = 0.5 * np.asarray(extent, float)
-    rows = _near(start, along, float(norm(half)), poses, sizes,
-                 _flags(active, len(poses)))
+
+    def touch(start: np.ndarray, along: np.ndarray, rows: np.ndarray) -> tuple:
+        return first_touch.box_on_capsules(start, along, rotation.to_matrix(attitude), half,
+                                           *_capsules(poses, sizes, rows))
+    return _swept(start, end, float(norm(half)), poses, sizes, active, touch)
+
+
+def _swept(start: np.ndarray, end: np.ndarray, radius: float, poses: np.ndarray,
+           sizes: np.ndarray, active: np.ndarray | None,
+           touch: Callable[[np.ndarray, np.ndarray, np.ndarray], tuple]) -> Hits:
+    """
+    Find the targets touched on a path, in order; equal times in order of the rows.
+
+    :param radius: of a sphere around the projectile [m].
+    :param touch: returns share of the path, point and normal for each of some targets; called
+        with start and path of the projectile, and their rows.
+    """
+    start = np.asarray(start, float)
+    along = np.asarray(end, float) - start
+    tested = np.ones(len(poses), bool) if active is None else np.asarray(active, bool)
+    rows = _near(start, along, radius, poses, sizes, tested)
     if not len(rows):
         return _NONE
-    found = first_touch.box_on_capsules(start, along, rotation.to_matrix(attitude), half,
-                                        *_capsules(poses, sizes, rows))
-    return _sorted(rows, *found)
+    fraction, point, normal = touch(start, along, rows)
+    order = np.argsort(fraction, kind='stable')
+    order = order[fraction[order] <= 1.0]
+    return Hits(rows[order], fraction[order], point[order], normal[order])
 
 
-def _way(start: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    start = np.asarray(start, float)
-    return start, np.asarray(end, float) - start
-
-
-def _flags(active: np.ndarray | None, count: int) -> np.ndarray:
-    return np.ones(count, bool) if active is None else np.asarray(active, bool)
+def _boxes(poses: np.ndarray, sizes: np.ndarray, rows: np.ndarray) -> tuple:
+    """Return centres, axes and half extents of the boxes in some rows."""
+    return poses[rows, :3], rotation.to_matrix(poses[rows, 3:]), 0.5 * sizes[rows]
 
 
 def _capsules(poses: np.ndarray, sizes: np.ndarray, rows: np.ndarray) -> tuple:
@@ -149,14 +153,6 @@ def _capsules(poses: np.ndarray, sizes: np.ndarray, rows: np.ndarray) -> tuple:
     half = np.maximum(0.5 * sizes[rows, 2] - radii, 0.0)
     axes = rotation.to_matrix(poses[rows, 3:])[:, :, 2] * half[:, None]
     return poses[rows, :3], axes, radii
-
-
-def _sorted(rows: np.ndarray, fraction: np.ndarray, point: np.ndarray,
-            normal: np.ndarray) -> Hits:
-    """Return the targets touched on the path, in order; equal times in order of the rows."""
-    order = np.argsort(fraction, kind='stable')
-    order = order[fraction[order] <= 1.0]
-    return Hits(rows[order], fraction[order], point[order], normal[order])
 
 
 @kernel(error_model='numpy')

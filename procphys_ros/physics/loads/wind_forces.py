@@ -23,7 +23,7 @@ from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.geometry.linear import product
 from procphys_ros.physics.air import AIR_DENSITY
 from procphys_ros.physics.loads import faces, wind_pressure
-from procphys_ros.physics.loads.sight import Sight
+from procphys_ros.physics.loads.sight import OFF_FACE, Sight
 from procphys_ros.physics.terrain import FLAT, Terrain
 
 _WINDWARD = 0.8      # EN 1991-1-4, table 7.1, zone D, height over depth 1
@@ -31,7 +31,6 @@ _ELSEWHERE = -0.5    # same table, zones C and E: sides and lee
 _APART = 0.15        # lack of correlation of pressure ahead and suction behind, 7.2.2 (3)
 _WAYS = 48           # directions of the patterns; the interpolated pressure on a wall normal to a
 #                      direction halfway between two of them is 0.6 % too low
-_OFF_FACE = 1e-4     # [m] offset of the start of rays from a face
 
 
 @dataclass(frozen=True)
@@ -66,7 +65,7 @@ def exposed_faces(poses: np.ndarray, sizes: np.ndarray, reach: float = 25.0,
     poses, sizes = np.asarray(poses, float), np.asarray(sizes, float)
     one = faces.cut(poses, sizes, np.ones((len(poses), 6), bool), patch=np.inf)
     ahead = one.centre + reach * one.normal
-    free = (sight or Sight(poses, sizes)).clear(one.centre + _OFF_FACE * one.normal, ahead,
+    free = (sight or Sight(poses, sizes)).clear(one.centre + OFF_FACE * one.normal, ahead,
                                                 one.owner)
     exposed = np.zeros((len(poses), 6), bool)
     exposed[one.owner, one.face] = free & (ahead[:, 2] > terrain.height(one.centre))

@@ -23,6 +23,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import cross, norm, product
 from procphys_ros.physics.air import AIR_DENSITY
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.trees import (
     anchors,
     breaks,
@@ -93,7 +94,7 @@ class Forest:
     _scratches: list[state.Scratch]
     _stepped: np.ndarray | None
 
-    def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    def __init__(self, blueprint: Blueprint, gravity: Sequence[float] = (0.0, 0.0, -GRAVITY),
                  air_density: float = AIR_DENSITY, climbers: Anchors | None = None) -> None:
         """
         Arrange the trees and balance their weight.
@@ -197,10 +198,9 @@ class Forest:
         :param threads: largest number of threads; results do not depend on it, to the last bit.
         :raises ValueError: when the wind has another shape.
         """
+        trees = np.arange(len(self.plan.start) - 1)
+        self.step_some(trees, np.ones(len(trees)), dt, wind, threads)
         self._stepped = None
-        self._breathe(dt, wind)
-        parallel.step(self._plan, self._model, self._state, self._scratches, self._wind,
-                      self._felt, self._time_step, threads)
 
     def set_felt_gravity(self, gravity: np.ndarray) -> None:
         """Set gravity less the acceleration of the ground, for the next steps [m/s²], (3,)."""
@@ -233,8 +233,8 @@ class Forest:
         """
         self._stepped = self.rows_of(trees)
         self._breathe(dt, wind)
-        parallel.step_some(self._plan, trees, steps * self._time_step, self._model, self._state,
-                           self._scratches, self._wind, self._felt, threads)
+        parallel.step(self._plan, trees, steps * self._time_step, self._model, self._state,
+                      self._scratches, self._wind, self._felt, threads)
 
     def rows_of(self, trees: np.ndarray) -> np.ndarray:
         """List the rows of some trees of `plan`, tree by tree."""

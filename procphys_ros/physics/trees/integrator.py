@@ -46,18 +46,19 @@ _MIDPOINT, _IMPLICIT = 0.5, 1.0  # implicitness θ of a step
 
 
 @kernel(**KERNEL, nogil=True)
-def step(plan, model, state, scratch, wind, gravity, dt):
+def step(plan, trees, spans, model, state, scratch, wind, gravity):
     """
-    Advance every tree by one time step.
+    Advance some trees, each by its own time step.
 
+    :param trees: indices in the plan, (K,).
+    :param spans: time step of each [s], (K,).
     :param wind: air velocity at the centres of mass [m/s], (S, 3).
     :param gravity: [m/s²], (3,).
-    :param dt: [s].
     """
-    for t in range(len(plan.start) - 1):
-        rows = plan.row[plan.start[t]:plan.start[t + 1]]
-        above = plan.above[plan.start[t]:plan.start[t + 1]]
-        advance(rows, above, model, state, scratch, wind, gravity, dt)
+    for n in range(len(trees)):
+        first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
+        rows, above = plan.row[first:last], plan.above[first:last]
+        advance(rows, above, model, state, scratch, wind, gravity, spans[n])
 
 
 @subroutine(**KERNEL)

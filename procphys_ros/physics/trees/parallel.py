@@ -17,32 +17,21 @@
 import numpy as np
 
 from procphys_ros.compilation import threads as pool
-from procphys_ros.physics.trees import equilibrium, integrator, state, subset
+from procphys_ros.physics.trees import equilibrium, integrator, state
 
 
-def step(plan: state.TraversalPlan, model: state.ForestModel, columns: state.ForestState,
-         workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray, dt: float,
-         threads: int) -> None:
+def step(plan: state.TraversalPlan, trees: np.ndarray, spans: np.ndarray,
+         model: state.ForestModel, columns: state.ForestState, workspaces: list[state.Scratch],
+         wind: np.ndarray, gravity: np.ndarray, threads: int) -> None:
     """
-    Advance every tree, with the result of `integrator.step`, to the last bit.
+    Advance some trees, with the result of `integrator.step`, to the last bit.
 
     :param workspaces: at least one; more are added for further threads.
     :param threads: largest number of threads.
     """
     def advance(place: int, first: int, last: int) -> None:
-        integrator.step(plan._replace(start=plan.start[first:last + 1]), model, columns,
-                        workspaces[place], wind, gravity, dt)
-    run(advance, pool.group_ranges(plan.start, threads), plan, workspaces)
-
-
-def step_some(plan: state.TraversalPlan, trees: np.ndarray, spans: np.ndarray,
-              model: state.ForestModel, columns: state.ForestState,
-              workspaces: list[state.Scratch], wind: np.ndarray, gravity: np.ndarray,
-              threads: int) -> None:
-    """Advance some trees, with the result of `subset.step`, to the last bit; see `step`."""
-    def advance(place: int, first: int, last: int) -> None:
-        subset.step(plan, trees[first:last], spans[first:last], model, columns,
-                    workspaces[place], wind, gravity)
+        integrator.step(plan, trees[first:last], spans[first:last], model, columns,
+                        workspaces[place], wind, gravity)
     starts = np.append(0, np.cumsum(np.diff(plan.start)[trees]))
     run(advance, pool.group_ranges(starts, threads), plan, workspaces)
 

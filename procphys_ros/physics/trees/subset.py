@@ -13,31 +13,15 @@
 # limitations under the License.
 
 
-"""Subset: steps and impulses of some trees of a forest while the others do not move."""
+"""Subset: what is done to some trees of a forest, or read of them, but their steps."""
 
 import numpy as np
 
 from procphys_ros.compilation import kernel
-from procphys_ros.physics.trees import integrator
 from procphys_ros.physics.trees.layout import ACROSS, ALONG, MASS
-from procphys_ros.physics.trees.spatial import KERNEL
 from procphys_ros.physics.trees.state import AXIS
 
 _AXIS = int(AXIS)
-
-
-@kernel(**KERNEL, nogil=True)
-def step(plan, trees, spans, model, state, scratch, wind, gravity):
-    """
-    Advance some trees, each by its own time step; see `integrator.step`.
-
-    :param trees: indices in the plan, (K,).
-    :param spans: time step of each [s], (K,).
-    """
-    for n in range(len(trees)):
-        first, last = plan.start[trees[n]], plan.start[trees[n] + 1]
-        rows, above = plan.row[first:last], plan.above[first:last]
-        integrator.advance(rows, above, model, state, scratch, wind, gravity, spans[n])
 
 
 @kernel
