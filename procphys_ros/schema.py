@@ -18,11 +18,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 import numbers
+import re
 from typing import Any, ClassVar, Self
 
 from procphys_ros.errors import nearest_names, ProcPhysError, SceneError
 
 LARGEST = 1e9  # [any unit] larger values are mistakes
+NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')  # of what parameters and topics are called after
 _KEY = 'parameter'
 _SWITCH = {True: 'on', False: 'off'}  # texts that YAML 1.1, and so ROS, reads as truth values
 
@@ -116,6 +118,12 @@ class Parameter:
         return value
 
 
+def unknown_key(group: str, key: Any, known: Sequence[str]) -> SceneError:
+    """Make the error for a key that a group does not have."""
+    return SceneError(f'{group}.{short(str(key))[1:-1]}: there is no such key'
+                      f'{nearest_names(str(key), known)} (known: {", ".join(known)})')
+
+
 def _is_sequence(value: Any) -> bool:
     return (isinstance(value, Collection) and not isinstance(value, (str, Mapping))
             and getattr(value, 'shape', None) != ())
@@ -195,8 +203,7 @@ class ParameterGroup:
             raise SceneError(f'{cls.group} is {given!r}, it must be a group of {", ".join(known)}')
         for key in given:
             if key not in known:
-                raise SceneError(f'{cls.group}.{key}: there is no such key'
-                                 f'{nearest_names(str(key), known)} (known: {", ".join(known)})')
+                raise unknown_key(cls.group, key, known)
         return cls(**given)
 
 

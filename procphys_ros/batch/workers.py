@@ -21,15 +21,15 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 import logging
-from multiprocessing import active_children, get_context, parent_process
+from multiprocessing import active_children, get_context
 import os
 import signal
-from threading import Thread
 from typing import Any
 
 from procphys_ros.batch.run import record, Run
 from procphys_ros.errors import ProcPhysError, SceneError
 from procphys_ros.simulation.readings import Series
+from procphys_ros.terminal.interruption import end_with_parent
 from procphys_ros.terminal.warning_lines import told_to
 
 Outcome = tuple[int, tuple[dict[str, float], Series | None] | None, str, list[str]]
@@ -52,17 +52,11 @@ def attempt(what: Run) -> Outcome:
         return what.number, None, f'internal error, {type(error).__name__}: {error}', warned
 
 
-def _end_with_parent() -> None:
+def _begin() -> None:
     """Leave Ctrl-C to the parent, and end when it is killed, which the pool would not notice."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
-
-    def wait() -> None:
-        parent = parent_process()
-        if parent is not None:
-            parent.join()
-            os._exit(1)
-    Thread(target=wait, daemon=True).start()
+    end_with_parent()
 
 
 @contextmanager
@@ -124,7 +118,7 @@ def _carry_out(waiting: deque[Run], count: int, interrupted: list[Run]) -> Itera
 
 @contextmanager
 def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
-    pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(count, get_context('spawn'), initializer=_begin)
     try:
         yield pool
     except (KeyboardInterrupt, GeneratorExit):  # a run may take minutes more

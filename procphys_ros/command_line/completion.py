@@ -23,6 +23,7 @@ import re
 
 from procphys_ros.command_line import words
 from procphys_ros.command_line.description import Description
+from procphys_ros.files.resources import cache_home
 
 _MOST = 200  # names offered at once; for thousands a shell asks whether to show them
 _FIXED = {'wind': ('on', 'off'), 'completion': ('bash', 'zsh')}
@@ -92,11 +93,8 @@ def remember(description: Description, scene: Path) -> None:
 
 def memory(node: str) -> Path:
     """Return the file for the names of a node's scene, one for each ROS domain."""
-    folder = os.environ.get('XDG_CACHE_HOME', '')
-    if not os.path.isabs(folder):  # the specification: a relative one counts as unset
-        folder = os.path.expanduser('~/.cache')
     domain = os.environ.get('ROS_DOMAIN_ID') or '0'
-    return Path(folder) / 'procphys_ros' / f'{domain}{re.sub(r"[^A-Za-z0-9_]", ".", node)}.json'
+    return cache_home() / f'{domain}{re.sub(r"[^A-Za-z0-9_]", ".", node)}.json'
 
 
 def _names(word: str, scene: Path) -> list[str]:

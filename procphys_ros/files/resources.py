@@ -21,6 +21,7 @@ from pathlib import Path
 import sys
 
 PACKAGE = 'procphys_ros'
+_PREFIX = f'package://{PACKAGE}/'
 
 
 @cache
@@ -42,3 +43,16 @@ def shared_folder() -> Path:
             return folder
     tried = ', '.join(str(folder) for folder in folders)
     raise FileNotFoundError(f'the grammars of {PACKAGE} are not installed; looked in {tried}')
+
+
+def shipped_file(name: str) -> Path | None:
+    """Return the shipped file that package://procphys_ros/… names; None = it is another name."""
+    return shared_folder() / name.removeprefix(_PREFIX) if name.startswith(_PREFIX) else None
+
+
+def cache_home() -> Path:
+    """Return the folder of this user's caches, by XDG_CACHE_HOME."""
+    home = os.environ.get('XDG_CACHE_HOME', '')
+    if not os.path.isabs(home):  # the specification: a relative one counts as unset
+        home = os.path.expanduser('~/.cache')
+    return Path(home, PACKAGE)

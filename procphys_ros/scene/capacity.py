@@ -41,12 +41,8 @@ def check_capacity(parts: int, memory: int | None) -> None:
     :param memory: available [bytes]; None = unknown.
     :raises SceneError: naming both numbers.
     """
-    if memory is None or parts * _PER_PART <= memory:
-        return
-    raise SceneError(
-        f'the scene has {parts:,} parts or more, but the {memory / 2 ** 30:.1f} GiB of memory '
-        f'that are free hold {memory // _PER_PART:,}; take fewer objects, or share them among '
-        'several machines with shard.count')
+    _check('the scene', f'{parts:,} parts or more', '; take fewer objects, or share them among '
+           'several machines with shard.count', parts, memory)
 
 
 def check_addition(name: str, parts: int, memory: int | None) -> None:
@@ -58,8 +54,10 @@ def check_addition(name: str, parts: int, memory: int | None) -> None:
     :param memory: free beside the running scene [bytes]; None = unknown.
     :raises SceneError: naming both numbers.
     """
-    if memory is None or parts * _PER_PART <= memory:
-        return
-    raise SceneError(
-        f'{name} has {parts:,} parts, but the {memory / 2 ** 30:.1f} GiB of memory that are free '
-        f'hold {memory // _PER_PART:,} more')
+    _check(name, f'{parts:,} parts', ' more', parts, memory)
+
+
+def _check(what: str, size: str, end: str, parts: int, memory: int | None) -> None:
+    if memory is not None and parts * _PER_PART > memory:
+        raise SceneError(f'{what} has {size}, but the {memory / 2 ** 30:.1f} GiB of memory that '
+                         f'are free hold {memory // _PER_PART:,}{end}')

@@ -21,10 +21,8 @@ from pathlib import Path
 
 from procphys_ros.errors import SceneError
 from procphys_ros.files.file_bounds import named_by, outside
-from procphys_ros.files.resources import shared_folder
+from procphys_ros.files.resources import shipped_file
 from procphys_ros.language import shorten
-
-_PACKAGE = 'package://procphys_ros/'
 
 
 def find_data_file(key: str, name: str, beside: Path | None) -> Path:
@@ -36,10 +34,9 @@ def find_data_file(key: str, name: str, beside: Path | None) -> Path:
     :param beside: folder of the scene file, searched first; None = there is none.
     :raises SceneError: naming the places searched.
     """
-    candidates = [Path(os.path.expanduser(name))]
-    if name.startswith(_PACKAGE):
-        candidates = [shared_folder() / name[len(_PACKAGE):]]
-    elif beside is not None:
+    shipped = shipped_file(name)
+    candidates = [shipped or Path(os.path.expanduser(name))]
+    if shipped is None and beside is not None:
         candidates.insert(0, beside / name)
     for path in candidates:
         with named_by(key, name):

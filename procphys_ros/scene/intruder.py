@@ -20,7 +20,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from procphys_ros.errors import SceneError
 from procphys_ros.scene.solids import edges_of, SHAPES
 from procphys_ros.schema import declared, ParameterGroup
 
@@ -46,7 +45,7 @@ class IntruderSettings(ParameterGroup, group='intruder'):
     @property
     def edges(self) -> np.ndarray:
         """Return the full extents along its axes [m], (3,)."""
-        return edges_of('intruder', self.shape, self.size, _LARGEST, SceneError)
+        return edges_of(self)
 
 
 @dataclass(frozen=True)

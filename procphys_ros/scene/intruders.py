@@ -16,7 +16,6 @@
 """Settings of intruders: named bodies moved from outside the simulation."""
 
 from dataclasses import dataclass
-import re
 
 import numpy as np
 
@@ -26,10 +25,9 @@ from procphys_ros.files.file_bounds import named_by
 from procphys_ros.physics.world.pieces import Pieces, single
 from procphys_ros.scene.intruder import FASTEST_SAW
 from procphys_ros.scene.mesh import boxes_in, read_mesh
-from procphys_ros.schema import declared, ParameterGroup, short
+from procphys_ros.schema import declared, NAME, ParameterGroup, short
 
 INTRUDER = 'intruder'  # the one that `intruder.*` describes
-_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
 _LARGEST = 50.0  # [m]
 _NUMBERS = {'sphere': 1, 'box': 3, 'capsule': 2}
 
@@ -55,7 +53,7 @@ class IntrudersSettings(ParameterGroup, group='intruders'):
             raise SceneError(f'intruders.names has {len(self.names)} entries, intruders.cuts '
                              f'{len(self.cuts)}; it needs one for each name, or none')
         for name in self.names:
-            if not _NAME.match(name) or name == INTRUDER:
+            if not NAME.match(name) or name == INTRUDER:
                 raise SceneError(f'intruders.names: {short(name)} cannot name an intruder; use '
                                  f'letters, digits and _, and not "{INTRUDER}"')
             if self.names.count(name) > 1:

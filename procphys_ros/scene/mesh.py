@@ -24,14 +24,13 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.files.file_bounds import outside
-from procphys_ros.files.resources import shared_folder
+from procphys_ros.files.resources import shipped_file
 from procphys_ros.geometry.linear import product
 from procphys_ros.language import shorten
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces
 
 _CELLS = 16  # along the longest edge of a mesh
 _THINNEST = 1e-3  # [m] of a cell
-_PACKAGE = 'package://procphys_ros/'
 
 
 def read_mesh(name: str, key: str) -> np.ndarray:
@@ -47,8 +46,7 @@ def read_mesh(name: str, key: str) -> np.ndarray:
         import trimesh
     except ImportError as error:
         raise SceneError(f'{key}: meshes need the package trimesh: pip install trimesh') from error
-    path = (shared_folder() / name.removeprefix(_PACKAGE) if name.startswith(_PACKAGE)
-            else Path(os.path.expanduser(name)))
+    path = shipped_file(name) or Path(os.path.expanduser(name))
     if reason := outside(path):
         raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
     try:

@@ -20,14 +20,13 @@ import math
 import re
 from typing import Any
 
-from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.errors import SceneError
 from procphys_ros.scene.layout import LAYOUTS
-from procphys_ros.schema import declared, ParameterGroup
+from procphys_ros.schema import declared, NAME, ParameterGroup, unknown_key
 
 _SCENE_KEYS = ('objects', 'cues')
 MAX_COUNT = 100_000  # instances of one object; beyond it no machine would hold the parts
 MAX_STEPS = 10_000  # derivation steps
-_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
 _DEFINE = re.compile(r'\s*([A-Za-z_]\w*)\s*=\s*([-+0-9.eE]+)\s*\Z')
 
 
@@ -129,15 +128,13 @@ def read_objects(parameters: Mapping[str, Any]) -> list[ObjectSpec]:
     if isinstance(scene, Mapping):
         for key in scene:
             if key not in _SCENE_KEYS:
-                raise SceneError(f'scene.{key}: there is no such key'
-                                 f'{nearest_names(str(key), _SCENE_KEYS)} '
-                                 f'(known: {", ".join(_SCENE_KEYS)})')
+                raise unknown_key('scene', key, _SCENE_KEYS)
     names = scene.get('objects', []) if isinstance(scene, Mapping) else None
     if not isinstance(names, (list, tuple)) or not all(isinstance(n, str) for n in names):
         raise SceneError(f'scene.objects: {names!r} is not a list of names')
     names = [n for n in names if n]
     for name in names:
-        if not _NAME.match(name):
+        if not NAME.match(name):
             raise SceneError(f'scene.objects: {name!r} cannot name an object; use letters, '
                              'digits and _, beginning with a letter')
         if names.count(name) > 1:
@@ -151,7 +148,5 @@ def _read_object(name: str, given: Any) -> ObjectSpec:
                          f'({", ".join(OBJECT_KEYS)})')
     for key in given:
         if key not in OBJECT_KEYS:
-            raise SceneError(f'{name}.{key}: there is no such key'
-                             f'{nearest_names(str(key), OBJECT_KEYS)} '
-                             f'(known: {", ".join(OBJECT_KEYS)})')
+            raise unknown_key(name, key, OBJECT_KEYS)
     return ObjectSpec(name=name, **given)

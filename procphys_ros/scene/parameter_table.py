@@ -16,7 +16,6 @@
 """The table of parameters: those of the node itself, and those that settings declare."""
 
 from collections.abc import Mapping, Sequence
-import re
 from textwrap import wrap
 from typing import Any
 
@@ -39,9 +38,7 @@ from procphys_ros.scene.spawn import Spawn
 from procphys_ros.scene.strikes import Cut, Demolition, Explosion, Projectile
 from procphys_ros.scene.terrain import TerrainSettings
 from procphys_ros.scene.trees import TreeSettings
-from procphys_ros.schema import LARGEST, Parameter, parameters, short
-
-_NAME = re.compile(r'[A-Za-z_][A-Za-z0-9_]*\Z')
+from procphys_ros.schema import LARGEST, NAME, Parameter, parameters, short
 
 _SCENE = (
     Parameter('scene.objects', [], 'names of the objects that the scene holds',
@@ -137,7 +134,7 @@ def is_of_an_object(name: str) -> bool:
 def check_object_names(names: list[str]) -> None:
     """Raise SceneError for a name that cannot begin parameters, or would hide the node's own."""
     for name in names:
-        if not _NAME.match(name):
+        if not NAME.match(name):
             raise SceneError(f'scene.objects: {short(name)} cannot name an object; use letters, '
                              'digits and _, beginning with a letter')
         if name in GROUPS:

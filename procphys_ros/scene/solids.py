@@ -14,40 +14,24 @@
 
 """Simple solids of scene files: sphere and box."""
 
-from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
-
-from procphys_ros.errors import ProcPhysError
 
 SHAPES = ('sphere', 'box')
 
 
-def edges_of(key: str, shape: str, size: float | Sequence[float], largest: float,
-             error: type[ProcPhysError]) -> np.ndarray:
+def edges_of(solid: Any) -> np.ndarray:
     """
-    Read the extents of a solid along its axes.
+    Return the full extents of a solid along its axes [m], (3,).
 
-    :param key: of its parameters, in front of `.shape` and `.size` in messages.
-    :param shape: checked to be one of `SHAPES`.
-    :param size: a diameter or three edges [m].
-    :param largest: that an edge may be [m].
-    :param error: class of the exception.
-    :returns: [m], (3,).
-    :raises ProcPhysError: of that class, when there is no such solid.
+    :param solid: a group of parameters with a shape, and a size of one number or three.
+    :raises ProcPhysError: of the group's class, when there is no such solid.
     """
-    if shape not in SHAPES:
-        raise error(f'{key}.shape is {shape!r}, it must be one of {", ".join(SHAPES)}')
-    try:
-        given = np.array(size, float).ravel()
-    except (TypeError, ValueError):
-        given = np.empty(0)
-    if given.size not in (1, 3) or not np.isfinite(given).all():
-        raise error(f'{key}.size is {size!r}, it must be one finite number or three')
-    edges = np.broadcast_to(given, 3).copy()
-    if not (edges > 0.0).all() or edges.max() > largest:
-        raise error(f'{key}.size is {edges.tolist()} m, it must lie above 0 and not exceed '
-                    f'{largest:g}')
-    if shape == 'sphere' and np.ptp(edges) > 0.0:
-        raise error(f'{key}.size is {edges.tolist()}; a sphere has one diameter')
+    if len(solid.size) not in (1, 3):
+        raise solid.error(f'{solid.group}.size is {list(solid.size)}, it must be one number or '
+                          'three')
+    edges = np.broadcast_to(np.array(solid.size), 3).copy()
+    if solid.shape == 'sphere' and np.ptp(edges) > 0.0:
+        raise solid.error(f'{solid.group}.size is {edges.tolist()}; a sphere has one diameter')
     return edges

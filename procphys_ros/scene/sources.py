@@ -22,7 +22,7 @@ from typing import Protocol, TYPE_CHECKING
 from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import nearest_names, SceneError
 from procphys_ros.files.file_bounds import named_by, outside
-from procphys_ros.files.resources import shared_folder
+from procphys_ros.files.resources import shared_folder, shipped_file
 from procphys_ros.language import check_length, shorten, TRANSLATED
 from procphys_ros.lsystem import LSystem
 
@@ -38,7 +38,6 @@ SCANS = ('.csv', '.mtg', '.ply')  # of trees
 _LANGUAGES = (TREE_GRAMMAR, _WALL, _MECHANISM, *TRANSLATED)
 GRAMMARS = (*_LANGUAGES, *SCANS)
 _WORDS = {'building': _WALL, 'mechanism': _MECHANISM}  # that begin texts of these languages
-_PACKAGE = 'package://procphys_ros/'
 
 
 class Grammar(Protocol):
@@ -109,10 +108,10 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
     if not name.strip() or not name.isprintable():
         raise SceneError(f'{key}: "{shorten(name)}" is not a file name')
     if name.startswith('package://'):
-        if not name.startswith(_PACKAGE):
+        if (shipped := shipped_file(name)) is None:
             raise SceneError(f'{key}: "{shorten(name)}" lies in another package; use a plain path '
                              'to it')
-        candidates = [shared_folder() / name[len(_PACKAGE):]]
+        candidates = [shipped]
     else:
         candidates = [shared_folder() / 'grammars' / name, Path(os.path.expanduser(name))]
         if beside is not None:

@@ -63,7 +63,7 @@ class Projectile(ParameterGroup, group='projectile', error=CommandError):
     @property
     def edges(self) -> np.ndarray:
         """Return the full extents along its axes [m], (3,)."""
-        return edges_of('projectile', self.shape, self.size, _LARGEST, CommandError)
+        return edges_of(self)
 
 
 @dataclass(frozen=True)

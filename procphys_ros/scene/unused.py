@@ -26,7 +26,7 @@ from procphys_ros.scene.parameter_table import (
     is_of_an_object,
     OBJECT,
 )
-from procphys_ros.schema import short
+from procphys_ros.schema import short, unknown_key
 
 _OF_EVERY_NODE = ('use_sim_time', 'start_type_description_service', 'qos_overrides')
 
@@ -94,5 +94,4 @@ def _refuse(group: str, key: str, value: Any) -> None:
     known = [p.name.partition('.')[2] for p in GLOBAL if p.name.startswith(f'{group}.')]
     if not key:
         raise SceneError(f'{group} is {short(value)}, it must be a group of {", ".join(known)}')
-    raise SceneError(f'{group}.{short(key)[1:-1]}: there is no such key'
-                     f'{nearest_names(key, known)} (known: {", ".join(known)})')
+    raise unknown_key(group, key, known)

@@ -21,7 +21,10 @@ another error, or crashes the process.
 """
 
 from collections.abc import Callable
+from multiprocessing import parent_process
+import os
 import signal
+from threading import Thread
 from types import FrameType
 from typing import Any
 
@@ -58,6 +61,17 @@ def raising(error: Callable[[], BaseException]) -> Callable[[int, FrameType | No
         raise error()
 
     return handle
+
+
+def end_with_parent() -> None:
+    """Let a process of a pool end when the one that has started it is killed."""
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        parent.join()
+        os._exit(1)
+    Thread(target=watch, daemon=True).start()
 
 
 def _is_unsafe(frame: FrameType | None) -> bool:
