@@ -36,7 +36,7 @@ from procphys_ros.files.resources import shared_folder
 from procphys_ros.geometry.linear import norm
 from procphys_ros.scene.data_file import find_data_file
 from procphys_ros.scene.objects import read_objects
-from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT
+from procphys_ros.scene.parameter_table import find, GLOBAL, NODE, OBJECT, put
 from procphys_ros.scene.settings import read_settings
 from procphys_ros.scene.sources import locate, SCANS
 from procphys_ros.scene.unused import check_given
@@ -207,11 +207,7 @@ class Sweep:
         for number, values in enumerate(combinations):
             parameters: dict[str, Any] = deepcopy(dict(self.parameters))
             for name, value in zip(self.columns, values):
-                *groups, last = name.split('.')
-                target = parameters
-                for group in groups:
-                    target = target.setdefault(group, {})
-                target[last] = value
+                put(parameters, name, value)
             yield values, Run(number, parameters, self.scene.absolute().parent, self.duration,
                               self.series, self.every)
 

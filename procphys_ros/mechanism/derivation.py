@@ -143,10 +143,9 @@ class MechanismWriter:
         :raises GrammarError: for endless recursion of rules, values out of range, and parts that
             do not exist.
         """
-        frame = np.array([0.0, 0.0, 0.0, *rotation.IDENTITY])
         for let in self.spec.definitions:
             self.values[let.name] = let.value.number(self.values, self.generator)
-        start = RuleScope(dict(self.values), frame, GROUND)
+        start = RuleScope(dict(self.values), rotation.ORIGIN, GROUND)
         # Statements under way, innermost last; recursion is deeper than Python's.
         running = [self._statements(self.spec.statements, start)]
         while running:

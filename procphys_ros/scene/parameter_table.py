@@ -154,12 +154,16 @@ def nested(values: Mapping[str, Any], objects: list[str]) -> dict[str, Any]:
         parameter = find(name, objects)
         if parameter is None or parameter.optional and value == parameter.default:
             continue
-        *groups, last = name.split('.')
-        target = tree
-        for group in groups:
-            target = target.setdefault(group, {})
-        target[last] = value
+        put(tree, name, value)
     return tree
+
+
+def put(tree: dict[str, Any], name: str, value: Any) -> None:
+    """Set a value in nested parameters by its full name."""
+    *groups, last = name.split('.')
+    for group in groups:
+        tree = tree.setdefault(group, {})
+    tree[last] = value
 
 
 def markdown(parameters: Sequence[Parameter], prefix: str = '') -> str:

@@ -59,7 +59,6 @@ _LOG = logging.getLogger(__name__)
 _SMALLEST = 0.5  # of the mean part count so far, as a lower bound for the individuals to come
 _POSITION = Parameter('position', [0.0, 0.0, 0.0], 'where the origin of an object goes', 'm')
 _YAW = Parameter('yaw', 0.0, 'turn of an object about the vertical', 'rad')
-_ORIGIN = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True)
@@ -296,7 +295,8 @@ class Scene:
         for i in sorted({i % variants for i in mine}):
             with stage('growing objects', f'{names[i]}, {i + 1} of {variants}'):
                 if isinstance(grammar, LSystem):
-                    seedlings[i] = grammar.plant(_ORIGIN, seed + i, spec.numbers, spec.length)
+                    seedlings[i] = grammar.plant(rotation.ORIGIN, seed + i, spec.numbers,
+                                                 spec.length)
                 built[i] = (grammar.build(seed=seed + i, **spec.numbers) if spec.length is None
                             else _grown(seedlings[i]))
             grown += len(built[i])
@@ -310,9 +310,12 @@ class Scene:
                     seedlings[i % variants], tuple(points[i].tolist()), float(headings[i]),
                     Stand((names[i],)))
 
+    def _seed(self, spec: ObjectSpec, number: int) -> int:
+        return spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+
     def _spots(self, spec: ObjectSpec, number: int) -> tuple[int, np.ndarray, np.ndarray]:
         """Return the seed of an object, and positions (N, 3) and headings (N,) of instances."""
-        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
+        seed = self._seed(spec, number)
         points, headings = places(spec.layout, len(spec.instance_names), spec.spacing,
                                   np.random.default_rng([seed, number]))
         turn = np.array([[cos(spec.yaw), sin(spec.yaw)],
@@ -382,8 +385,7 @@ class Scene:
                 grammars[name] = load_grammar(name, str(path), path.parent)
             return grammars[name].build(seed=seed, **defines)
 
-        seed = spec.seed if spec.seed >= 0 else self.settings.seed + 1_000_003 * number
-        plan = read_plan(path)
+        seed, plan = self._seed(spec, number), read_plan(path)
         count = sum(row.count for row in plan.rows)
         mine = set(self.shard.members(self._instances, count))
         self._instances += count

@@ -124,7 +124,7 @@ def remounted(mount: np.ndarray, between_them: list[np.ndarray]) -> np.ndarray:
     :param mount: on the old parent, (7,).
     :param between_them: mounts of the new segments from the old parent to the new one, (7,) each.
     """
-    frame = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    frame = rotation.ORIGIN
     for one in between_them:
         frame = rotation.compose(frame, one)
     return rotation.relative(frame, mount)

@@ -132,13 +132,13 @@ class Gust(ParameterGroup, group='gust'):
         if not _SHORTEST_RISE <= rise <= half:
             raise SceneError(f'gust.rise is {rise:g} s, it must lie from {_SHORTEST_RISE:g} to '
                              f'half of gust.duration ({half:g})')
-        _store(self, 'rise', rise)
+        object.__setattr__(self, 'rise', rise)
         if self.direction is not None:
             length = hypot(*self.direction)
             if not length > 0.0:
                 raise SceneError(f'gust.direction is {list(self.direction)}, it must have a '
                                  'length')
-            _store(self, 'direction', tuple(c / length for c in self.direction))
+            object.__setattr__(self, 'direction', tuple(c / length for c in self.direction))
 
 
 def velocity_of(speed: float, direction: float, up: float = 0.0) -> tuple[float, float, float]:
@@ -157,8 +157,3 @@ def _check_speed(velocity: Sequence[float]) -> None:
     if hypot(*velocity) > FASTEST:
         raise SceneError(f'wind.velocity is {list(velocity)} m/s, its length must not exceed '
                          f'{FASTEST:g}')
-
-
-def _store(target: object, name: str, value: object) -> None:
-    """Replace a field of a frozen dataclass by its validated value during construction."""
-    object.__setattr__(target, name, value)
