@@ -143,7 +143,7 @@ def test_the_last_poses_before_time_stands_still_go_out(monkeypatch):
     clock, sent = SimpleNamespace(now=0.0), []
     monkeypatch.setattr(leaf_publisher, 'RateLimiter',
                         lambda rate, early: RateLimiter(rate, early, lambda: clock.now))
-    monkeypatch.setattr(leaf_publisher.qos, 'publisher', lambda *_, **__: SimpleNamespace(
+    monkeypatch.setattr(leaf_publisher, 'offer', lambda *_, **__: SimpleNamespace(
         publish=sent.append, get_subscription_count=lambda: 1))
     publisher = LeafPublisher(None, 'world')
     simulation = SimpleNamespace(time=0.0, leaf_poses=lambda: np.zeros((1, 7)))
