@@ -14,8 +14,10 @@
 
 """Doors and shutters on hinges: leaves that are bonded to nothing, and their joints."""
 
-from collections.abc import Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import count as count_up
 
 import numpy as np
 
@@ -146,8 +148,13 @@ def _joints(leaves: Sequence[HungLeaf], first: int,
         speed=nothing, fastest=np.full(count, _WALKING), effort=_HELD * width,
         force=np.full(count, 2.0 * _SCREWED),
         moment=_SCREWED * _APART * (head - foot)[:, 2], collides=np.zeros(count, bool),
-        name=np.arange(count, dtype=np.int32)), tuple(
-            f'{leaf.name}_{n}' for n, leaf in enumerate(leaves))
+        name=np.arange(count, dtype=np.int32)), _numbered([leaf.name for leaf in leaves])
+
+
+def _numbered(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names with their number among equal ones: door_0, shutter_0, shutter_1, door_1."""
+    numbers: defaultdict[str, Iterator[int]] = defaultdict(count_up)
+    return tuple(f'{name}_{next(numbers[name])}' for name in names)
 
 
 def _before(frame: tuple[int, int], limits: tuple[float, float],
