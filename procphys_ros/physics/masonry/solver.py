@@ -20,6 +20,7 @@ from typing import Self
 
 import numpy as np
 
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.masonry import strength, tolerances
 from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
@@ -33,7 +34,6 @@ _TOLERANCE = 0.1     # of the median part's weight: largest nodal residual of a 
 _STALE_AFTER = 10    # iterations since a change until the coarse space is rebuilt (decision 24)
 _CURVED_STALE = 40   # the same while joints open: each step changes the tangents again
 _PATIENCE = 2000     # iterations since a change after which unbalanced parts are a mechanism
-_STANDARD_GRAVITY = 9.81  # [m/s²], only scales the tolerance
 DRIFT = 0.01         # [m] displacement since the last stable state at which a part is a mechanism,
 SWAY = 0.25          # and under loads that end soon, or before the first stable state
 
@@ -68,7 +68,7 @@ class StressSolver:
     _step: NewtonStep
     _islands: BondIslands
 
-    def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -9.81),
+    def __init__(self, graph: BondGraph, gravity: Sequence[float] = (0.0, 0.0, -GRAVITY),
                  tolerance: float | None = None):
         graph.restore()
         self._make_room(Equilibrium(graph, gravity), tolerance)
@@ -104,7 +104,7 @@ class StressSolver:
     def _make_room(self, equilibrium: Equilibrium, tolerance: float | None) -> None:
         self.equilibrium = equilibrium
         graph = equilibrium.graph
-        weight = graph.mass[np.diff(graph.start) > 0] * _STANDARD_GRAVITY
+        weight = graph.mass[np.diff(graph.start) > 0] * GRAVITY
         self.tolerance = tolerance or _TOLERANCE * float(np.median(weight if len(weight) else 1.0))
         self._gradients, self._past = ConjugateGradients(graph), Superposition()
         self.state = self.problem = 0

@@ -20,11 +20,11 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.ground_motion import transition
 from procphys_ros.physics.masonry.graph import BondGraph
 from procphys_ros.physics.masonry.solver import StressSolver
 
-_PULL = 9.81     # [m/s²] sideways, under which buildings bend: any value, they bend linearly
 _DAMPING = 0.05  # ratio of buildings (EN 1998-1, 3.2.2.2)
 _KEPT = 32       # loads kept of each building: the oldest one is judged anew if it returns
 _MORE = 1.05     # times what was borne: smaller loads need no new stresses
@@ -74,14 +74,14 @@ def first_modes(graph: BondGraph, building: np.ndarray, iterations: int) -> Mode
     angular, shape = np.ones((count, 2)), np.zeros((graph.count, 2, 3))
     owner, mass = building[parts], graph.mass[parts]
     for axis in range(2):
-        solver = StressSolver(graph, _PULL * np.eye(3)[axis])
+        solver = StressSolver(graph, GRAVITY * np.eye(3)[axis])  # sideways; they bend linearly
         solver.iterate(iterations)
         bent = solver.displacement[parts, :3]
         along = np.bincount(owner, mass * bent[:, axis], count)
         square = np.bincount(owner, mass * np.square(bent).sum(axis=1), count)
         bends = along > 0.0  # not a slab that lies on the ground, say
         share = np.divide(along, square, out=np.zeros(count), where=bends)
-        angular[bends, axis] = np.sqrt(_PULL * share[bends])
+        angular[bends, axis] = np.sqrt(GRAVITY * share[bends])
         shape[parts, axis] = share[owner, None] * bent
     return Modes(building, angular, shape)
 

@@ -21,6 +21,7 @@ import numpy as np
 
 from procphys_ros.blueprint import Hexahedra
 from procphys_ros.errors import SceneError
+from procphys_ros.physics.gravity import GRAVITY
 from procphys_ros.physics.rigid.joints import JointRows
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.physics.world import admission, extents, kinematic, sleeping
@@ -33,7 +34,7 @@ from procphys_ros.physics.world.merging import LEVEL
 from procphys_ros.physics.world.pieces import Pieces
 from procphys_ros.physics.world.saved import check_saved
 
-GRAVITY = (0.0, 0.0, -9.81)  # [m/s²]
+DOWNWARDS = (0.0, 0.0, -GRAVITY)  # [m/s²]
 
 
 class World:
@@ -53,7 +54,7 @@ class World:
 
     ground = 0
 
-    def __init__(self, gravity: Sequence[float] = GRAVITY, friction: float = FRICTION,
+    def __init__(self, gravity: Sequence[float] = DOWNWARDS, friction: float = FRICTION,
                  engine: str = DEFAULT_ENGINE, terrain: Terrain = FLAT):
         self._gravity = np.array(gravity, float)
         self._terrain = terrain
