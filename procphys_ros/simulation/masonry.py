@@ -352,19 +352,33 @@ def _withstand(model: Model, state: State, iterations: int) -> list[Failures]:
     return rounds
 
 
-def _ride_out(model: Model, state: State, moved: np.ndarray) -> bool:
+def _ride_out(model: Model, state: State, mechanisms: list[np.ndarray]) -> np.ndarray:
     """
-    End loads that pass, under which a cracked wall rocks without overturning.
+    Take loads that pass off the mechanisms that rock under them; return the parts of all others.
 
     Static forces are those on a wall that vibrates elastically, or that debris keeps up. A
-    mechanism moves instead: the impulses that do work on its motion give it energy, and it
-    overturns if this exceeds the energy at which its centre stands over its edge (Housner 1963).
-    The force on the ground moves nothing. Overturned parts get the speed of their motion, and
-    become no faster than the striking body. On shaken ground nobody can tell beforehand:
-    mechanisms rock as loose bodies.
+    mechanism moves instead. Overturned parts get the speed of their motion, and become no faster
+    than the striking body.
 
-    :param moved: parts that a mechanism moves, (K,).
-    :returns: whether it rocks, so that blows and debris load it no more.
+    :param mechanisms: connected parts that move, each (K,).
+    """
+    over = [moved for moved in mechanisms if not _rocks(model, state, moved)]
+    overturned = np.concatenate([np.zeros(0, np.intp), *over])
+    if len(over) < len(mechanisms):
+        state.loads.relieve(np.setdiff1d(np.concatenate(mechanisms), overturned))
+        state.loads.press(state.solver)
+    return overturned
+
+
+def _rocks(model: Model, state: State, moved: np.ndarray) -> bool:
+    """
+    Return whether a mechanism rocks under loads that pass, which is what debris does from now on.
+
+    The impulses that do work on its motion give it energy, and it overturns if this exceeds the
+    energy at which its centre stands over its edge (Housner 1963). The force on the ground moves
+    nothing. On shaken ground nobody can tell beforehand: mechanisms rock as loose bodies.
+
+    :param moved: its parts, (K,).
     """
     pressed, given = wall_loads.passing(state, moved)
     if not state.loads.struck and not len(pressed):
@@ -382,9 +396,7 @@ def _ride_out(model: Model, state: State, moved: np.ndarray) -> bool:
         velocity *= min(1.0, fastest / max(float(norm(velocity)), 1e-12))
         state.loads.thrown[moved] = velocity
         return False
-    state.loads.end_blows()
     wall_loads.let_rock(state, pressed, given)
-    state.loads.apply(state.solver, state.time)
     return True
 
 

@@ -35,6 +35,8 @@ _HOPELESS = 3.0  # utilisation under a blow that no redistribution relieves befo
 _RUNNING = 3.0  # utilisation beyond which a crack runs on before the remaining bonds respond
 _FAINT = 0.01  # of a blow, on the part that it hits hardest: tolerated unbalanced load
 
+Relief = Callable[[list[np.ndarray]], np.ndarray]  # see `Fracture.withstand`
+
 
 @dataclass(frozen=True)
 class Failures:
@@ -109,7 +111,7 @@ class Fracture:
         return self.solver.converged and not self.solver.equilibrium.sudden and self._is_judged()
 
     def advance(self, iterations: int, most: int | None = None,
-                relieve: Callable[[np.ndarray], bool] | None = None) -> list[Failures]:
+                relieve: Relief | None = None) -> list[Failures]:
         """
         Iterate; fail overloaded bonds each time that equilibrium is reached.
 
@@ -128,7 +130,7 @@ class Fracture:
             furthest = SWAY if self._judged is None else DRIFT
             if relieve is not None:
                 moved = solver.in_motion(PLAY, solver.converged, furthest)
-                if len(moved) and relieve(moved):
+                if len(relieve(moved)) < sum(map(len, moved)):
                     solver.forget_sudden()
                     solver.rewind()
                     continue
@@ -190,7 +192,7 @@ class Fracture:
                            fracture_energy.BY_CAUSE[failures.cause[fresh]])
             self.solver.forget_sudden(1.0 - math.sqrt(max(1.0 - work / energy, 0.0)))
 
-    def withstand(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
+    def withstand(self, iterations: int, blow: float, relieve: Relief,
                   last: bool = False) -> tuple[list[Failures], bool]:
         """
         Iterate on one round under loads that end soon, such as blows.
@@ -200,8 +202,8 @@ class Fracture:
 
         :param iterations: largest number; the next call continues from there.
         :param blow: largest force of these loads on one part [N].
-        :param relieve: called with the parts without equilibrium before they are released;
-            removes the loads if these do not overturn the parts, and returns whether it has.
+        :param relieve: called with the mechanisms before they are released; removes the loads
+            from those that these do not overturn, and returns the parts of the others.
         :param last: whether cracks have run by now, so that only mechanisms are looked for.
         :returns: the round with failures, if there was one, and whether the loads are over.
         """
@@ -212,7 +214,7 @@ class Fracture:
             self._hanging = np.zeros(0, np.intp)
         return rounds, over
 
-    def _round(self, iterations: int, blow: float, relieve: Callable[[np.ndarray], bool],
+    def _round(self, iterations: int, blow: float, relieve: Relief,
                last: bool) -> tuple[list[Failures], bool]:
         """Continue a round, see `withstand`."""
         solver = self.solver
@@ -222,11 +224,14 @@ class Fracture:
             iterations -= max(solver.spent - before, 1)
             near = solver.known and solver.residual <= self._enough(blow)
             settled = near and solver.residual <= self._left(blow)
-            if not self._thrown and len(moved := solver.in_motion(BRIEF, near)):
-                if relieve(moved):
+            if not self._thrown and (moved := solver.in_motion(BRIEF, near)):
+                self._hanging = relieve(moved)
+                self._thrown = len(self._hanging) > 0
+                if len(self._hanging) < sum(map(len, moved)):
                     solver.rewind()
-                    return [], True
-                self._thrown, self._hanging = True, moved
+                    if not self._thrown:
+                        return [], True
+                    continue
             if not near and len(solver.part_hinges(BRIEF)):
                 continue
             furthest = DRIFT if self._thrown else SWAY

@@ -21,7 +21,7 @@ from typing import Self
 import numpy as np
 
 from procphys_ros.physics.gravity import GRAVITY
-from procphys_ros.physics.masonry import strength, tolerances
+from procphys_ros.physics.masonry import components, strength, tolerances
 from procphys_ros.physics.masonry.conjugate_gradients import ConjugateGradients
 from procphys_ros.physics.masonry.equilibrium import Equilibrium
 from procphys_ros.physics.masonry.graph import BondGraph
@@ -392,9 +392,10 @@ class StressSolver:
             self.equilibrium.rewind(self._calm)
         return rows
 
-    def in_motion(self, least: Reach, balanced: bool, furthest: float = SWAY) -> np.ndarray:
+    def in_motion(self, least: Reach, balanced: bool,
+                  furthest: float = SWAY) -> list[np.ndarray]:
         """
-        List the parts that a mechanism has moved since the last equilibrium.
+        List the mechanisms: connected parts that have moved since the last equilibrium.
 
         :param least: least motion of hinges.
         :param balanced: whether the displacements are accurate enough to measure drift.
@@ -402,7 +403,14 @@ class StressSolver:
         """
         far = self.adrift(furthest) if balanced else self.mechanisms(furthest)
         moves = len(self._hinges(least)) or len(far)
-        return self.equilibrium.moved_from(self._calm) if moves else np.zeros(0, np.intp)
+        if not moves:
+            return []
+        graph = self.graph
+        moved = np.zeros(graph.count + 1, bool)
+        moved[self.equilibrium.moved_from(self._calm)] = True
+        joined = graph.alive & moved[graph.first] & moved[graph.second]
+        labels, _ = components.label(graph.count, graph.first, graph.second, joined)
+        return components.groups(labels, moved[:-1])
 
     def motion(self, parts: np.ndarray) -> np.ndarray:
         """Return displacements and rotations since the last equilibrium [m], [rad], (K, 6)."""

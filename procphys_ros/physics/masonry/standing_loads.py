@@ -185,6 +185,12 @@ class StandingLoads:
         self._changed |= self._blows is not None
         return total
 
+    def relieve(self, parts: np.ndarray) -> None:
+        """Take the active blows off parts that move instead."""
+        if self._blows is not None:
+            self._blows[parts] = 0.0
+            self._changed = True
+
     def scale_blows(self, parts: np.ndarray, share: float) -> None:
         """Scale the active blows on parts by a share."""
         if self._blows is not None:
@@ -228,6 +234,10 @@ class StandingLoads:
         if self._waiting is not None:
             self._blows = _strongest(self._blows, self._waiting)
             self._waiting, self._rounds = None, 0
+        self.press(solver)
+
+    def press(self, solver: StressSolver) -> None:
+        """Set the loads of the solver to the layers and the active blows."""
         total = self._total(list(self._layers.values()))
         if self._blows is not None:
             total += self._blows[:, :6]
