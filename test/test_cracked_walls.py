@@ -225,7 +225,7 @@ def test_rounds_under_a_blow_have_their_pace(time_step):
 
 
 def push(courses, course, shares):
-    """Push a course of each of some walls by shares of what tips them; return which walls stand."""
+    """Push a course of some walls by shares of what tips them; return which walls stand."""
     built, thickness = wall(12, courses), 0.1025
     z, mass = built.poses[:, 2], built.mass.sum()
     height, at = z.min() + z.max(), np.unique(z.round(6))[course]

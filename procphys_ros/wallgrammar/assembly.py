@@ -217,15 +217,16 @@ def _mortar(bonds: Patches, boxes: Boxes, materials: dict[str, Material]) -> Mor
 
 def _joiners(pair: np.ndarray, boxes: Boxes, names: list[str]) -> np.ndarray:
     """Look up the joiner of each pair: mortar, fixing, bearing, or one member's own grain."""
-    mortar, fixing, nail, lap, bearing = (
-        names.index(n) for n in ('mortar', 'fixing', 'nail', 'lap', 'bearing'))
+    mortar, fixing, nail, lap, halving, bearing = (
+        names.index(n) for n in ('mortar', 'fixing', 'nail', 'lap', 'halving', 'bearing'))
     first, second = pair.T
     first = np.where(first == GROUND, second, first)
     joints = np.sort(np.column_stack([boxes.joint[first], boxes.joint[second]]), axis=1)
     joiner = np.full(len(pair), mortar)
     joiner[joints[:, 1] != Joint.MORTAR] = fixing
     joiner[(joints[:, 1] == Joint.BEARING) & (joints[:, 0] == Joint.MORTAR)] = bearing
-    joiner[(joints[:, 1] == Joint.LAP) & (joints[:, 0] != Joint.MORTAR)] = lap
+    joiner[(joints[:, 1] >= Joint.LAP) & (joints[:, 0] != Joint.MORTAR)] = lap
+    joiner[(joints[:, 1] == Joint.HALVED) & (joints[:, 0] != Joint.MORTAR)] = halving
     joiner[_by_one_nail(pair, boxes)] = nail
     grain = _grain(pair, boxes)
     joiner[grain] = boxes.material[first][grain]

@@ -34,6 +34,7 @@ class Joint(ArrayEnum):
     BEARING = 2  # rests on masonry, is nailed to timber
     NAIL = 3     # as FIXING, but two such parts share a single nail: tiles, battens, rafters
     LAP = 4      # lapped over other timber and nailed
+    HALVED = 5   # halved over the timber that it crosses, cogged onto the one where it ends
 
 
 def micro(metres: float) -> int:

@@ -126,7 +126,7 @@ def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:
     solids = corners_of(boxes, site.forms, frames) if cut.any() else np.zeros((0, 8, 3))
     if cut.any():
         reach = max(body.layout.joint for body in found) / MICRO + _JOINT_SLACK
-        nailed = np.isin(boxes.joint, (Joint.FIXING, Joint.NAIL, Joint.LAP))
+        nailed = np.isin(boxes.joint, (Joint.FIXING, Joint.NAIL, Joint.LAP, Joint.HALVED))
         met = fastened(polygons.meet(solids, cut, reach, nailed), boxes)
         patches.append(without(met, site.patches))
         solids = solids[cut]

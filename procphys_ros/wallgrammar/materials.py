@@ -89,6 +89,8 @@ DEFAULTS = {
     'nail': Material(0.0, 0.12e6, 0.2e6, 0.4, 5e6, 0.7e6, 'nail'),
     # Timbers lapped over each other and nailed as densely as above: tension shears the nails.
     'lap': Material(0.0, 0.5e6, 0.5e6, 0.4, 5e6, 0.7e6, 'nail'),
+    # Timbers halved over each other, or cogged at their ends: half of `timber`.
+    'halving': Material(0.0, 7.25e6, 2e6, 0.4, 10.5e6, 5.5e9, 'nail'),
     # Timber that rests in a pocket of masonry, wedged and mortared in: it gives like a dry,
     # uneven bed (1 GPa/m), holds little tension, and has friction.
     'bearing': Material(0.0, 0.1e6, 0.1e6, 0.5, 5e6, 1e6, 'bearing'),

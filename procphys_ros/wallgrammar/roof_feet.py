@@ -39,10 +39,8 @@ PIECE = 1_500_000     # [µm] longest pieces that plates, ties, ridges and hips 
 TIE = (50_000, 600_000)  # [µm] width and spacing of ties between plates
 _PLATE = 100_000      # [µm] width of wall plates, at most the wall
 _PLATE_JOINT = 5_000  # [µm] between plates and gables
-_STRUT = 1_200_000    # [µm] spacing of ties that others cross
 _LEAST_STRUT = 10_000  # [µm]
 ALIGNED = 1e-6        # [rad] edges this close to a right angle or to one line stand so
-_LONGEST = 6_500_000  # [µm] ties off the walls: longer ones would break off by their own weight
 _CLEAR = 5_000        # [µm] between such ties and the joints below, and between ties side by side
 
 Sides = tuple[float, float]
@@ -154,12 +152,14 @@ class RoofFeet:
             crossed = self._crossings(line, laid)
             middle = 0.5 * sum(line.sides)
             beside = min((abs(middle - end) for end in found.get(line.edge, ())), default=np.inf)
-            if crossed is None or beside < 0.5 * (_STRUT if crossed else TIE[1]):
+            if crossed is None or beside < 0.5 * TIE[1]:
                 continue
+            joint = Joint.HALVED if crossed or not self.square else Joint.LAP
             for piece in self._cut_tie(line, crossed):
                 boxes = self._timber(line.edge, 1, piece, line.sides,
                                      self.height if line.plated else bottom,
-                                     'plate' if line.plated else 'tie')
+                                     'plate' if line.plated else 'tie',
+                                     joint=Joint.FIXING if line.plated else joint)
                 if line.plated:
                     boxes.member[:] = self._ring
                 self.site.add(boxes)
@@ -216,8 +216,7 @@ class RoofFeet:
                       < [0.5 * (sides[1] - sides[0]) + _CLEAR, 0.5 * line.length]).all(axis=1)
         for own in (edge, found[0]):  # plates that it lies between may end beside it
             in_the_way[[own, (own + 1) % len(points)]] = False
-        too_long = not self.square and line.length > _LONGEST
-        return None if too_long or found[1] != found[0] or in_the_way.any() else line
+        return None if found[1] != found[0] or in_the_way.any() else line
 
     def _crossings(self, line: TieLine, laid: Sequence[np.ndarray]
                    ) -> list[tuple[Sides, Sides]] | None:
@@ -251,7 +250,8 @@ class RoofFeet:
             [self.plan.ways[line.edge], self.plan.normals[line.edge]]))
 
     def _timber(self, edge: int, axis: int, ends: np.ndarray, sides: tuple[int, int],
-                bottom: int, kind: str, joints: Sequence[int] = (0, 0)) -> Boxes:
+                bottom: int, kind: str, joints: Sequence[int] = (0, 0),
+                joint: Joint = Joint.FIXING) -> Boxes:
         """
         Return a timber along or across an edge, whose ends may be cut aslant, up to the eaves.
 
@@ -260,6 +260,7 @@ class RoofFeet:
         :param sides: low and high side [µm].
         :param bottom: level of its underside [µm].
         :param joints: at its ends [µm].
+        :param joint: to its neighbours.
         """
         facade = self.walls[edge].facade
         low, high, margins = np.zeros(3, int), np.zeros(3, int), np.zeros((2, 3), int)
@@ -270,8 +271,8 @@ class RoofFeet:
         low[2], high[2] = bottom, self.height + self.gauge
         margins[:, axis] = joints
         box = from_cells(low, high, *margins, axis=axis,
-                         joint=Joint.LAP if kind == 'tie' else Joint.FIXING,
-                         kind=self.site.kind(kind), material=self.site.material('timber'))
+                         joint=joint, kind=self.site.kind(kind),
+                         material=self.site.material('timber'))
         if self.square and not np.ptp(ends, axis=1).any():
             return split_along(facade.place(box), PIECE, self.site.next_member)
         pieces = split_along(box, PIECE, self.site.next_member)

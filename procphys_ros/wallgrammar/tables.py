@@ -38,7 +38,7 @@ _RANGES = {
     'reinforcement': (0.0, 1e12),  # [Pa]
 }
 # Materials that arches are not built of.
-_NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'bearing', 'mortar')
+_NO_STONE = ('timber', 'oak', 'glass', 'fixing', 'nail', 'lap', 'halving', 'bearing', 'mortar')
 _KINDS = ('boards', 'glazing', 'beam', 'arch', 'none', 'door', 'shutters')  # beside layouts
 _SMALLEST = 0.01  # [m] smallest extent of a unit
 _LARGEST = 20.0   # [m] largest
