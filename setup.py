@@ -60,6 +60,7 @@ setup(
         'usd': ['usd-core'],
         'record': ['mcap>=1.6'],
         'batch': ['pyarrow', 'distributed'],  # Parquet tables, clusters of machines
+        'maps': ['shapely>=2.0', 'osmium'],  # houses of GeoJSON, OpenStreetMap and CityJSON
         'mesh': ['trimesh'],  # intruders in the shape of a mesh
         'view': ['viser>=1.1', 'trimesh', 'pillow'],
         'docs': ['sphinx', 'myst-parser', 'sphinx-rtd-theme', 'viser>=1.1', 'pillow'],
@@ -72,7 +73,7 @@ setup(
                  'usd-core', 'mujoco', 'yourdfpy', 'trimesh', 'pygltflib', 'pillow',
                  'viser>=1.1', 'playwright',
                  'sphinx', 'myst-parser', 'sphinx-rtd-theme',  # the site of the documentation
-                 'matplotlib',
+                 'matplotlib', 'shapely>=2.0', 'osmium',
                  'mcap>=1.6', 'mcap-ros2-support', 'rosbags', 'pyarrow', 'distributed'],
     },
     entry_points={
@@ -87,6 +88,7 @@ setup(
             'replay = procphys_ros.terminal.program:replay',
             'view = procphys_ros.terminal.program:view',
             'examples = procphys_ros.terminal.program:examples',
+            'map = procphys_ros.terminal.program:map',
         ],
     },
 )

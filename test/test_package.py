@@ -49,7 +49,7 @@ LAYERS = {
     'physics': 4, 'physics.wind': 4, 'physics.trees': 4, 'physics.masonry': 4,
     'physics.loads': 4, 'physics.dust': 4, 'physics.foliage': 4, 'physics.touch': 4,
     'physics.rigid': 4, 'physics.lidar': 4, 'environment': 4.5, 'mechanism': 4.5, 'lsystem': 4.6,
-    'scans': 4.6,
+    'scans': 4.6, 'maps': 4.6,
     'physics.world': 5, 'scene': 6, 'simulation': 7,
     'messages': 8, 'command_line': 8, 'render': 9, 'export': 10, 'recording': 10,
     'warming': 10.5, 'view': 10, 'ros': 11, 'batch': 12, 'examples': 13,
@@ -58,6 +58,7 @@ LAYERS = {
 ONLY_IN = {
     'numba': 'compilation', 'rclpy': 'ros',
     'moderngl': 'render', 'av': 'render', 'pxr': 'export', 'mcap': 'recording', 'viser': 'view',
+    'shapely': 'maps', 'osmium': 'maps',
     'std_msgs': 'ros', 'std_srvs': 'ros', 'geometry_msgs': 'ros', 'sensor_msgs': 'ros',
     'visualization_msgs': 'ros', 'diagnostic_msgs': 'ros', 'rosgraph_msgs': 'ros',
     'rcl_interfaces': 'ros', 'builtin_interfaces': 'ros', 'simulation_interfaces': 'ros',

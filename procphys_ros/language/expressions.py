@@ -76,6 +76,11 @@ class Expression:
     place: Place
     _run: Callable[[Scope], Value]
 
+    @classmethod
+    def constant(cls, value: float, place: Place) -> 'Expression':
+        """Return an expression that is always one number."""
+        return cls(frozenset(), place, lambda scope: value)
+
     def evaluate(self, values: Mapping[str, Value], count: int,
                  generator: np.random.Generator) -> Value:
         """
@@ -129,7 +134,7 @@ class _Compiler:
         number = float(token)
         if not np.isfinite(number):
             raise place.error(f'{token} is beyond the range of numbers')
-        return Expression(frozenset(), place, lambda scope: number)
+        return Expression.constant(number, place)
 
     def _variable(self, token: Token, place: Place) -> Expression:
         name = str(token)

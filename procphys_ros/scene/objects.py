@@ -40,8 +40,8 @@ class ObjectSpec(ParameterGroup):
 
     name: str
     grammar: str = declared(
-        '', 'file in grammars/, a path, or package://procphys_ros/…; or a scanned tree, or a plan '
-        'of a street')
+        '', 'file in grammars/, a path, or package://procphys_ros/…; or a scanned tree, a plan '
+        'of a street, or a map')
     grammar_text: str = declared('', 'the grammar itself, instead of a file')
     defines: tuple[str, ...] = declared(
         (), 'values that override the grammar\'s own, as "name=number"')
@@ -60,6 +60,8 @@ class ObjectSpec(ParameterGroup):
                          -1, 2**62)
     variants: int = declared(0, 'different individuals among the instances; 0 = all differ', '',
                              0, MAX_COUNT)
+    rules: str = declared('', 'file that says which grammars the buildings and trees of a map '
+                          'take; none = map.rules of the package')
     steps: int = declared(-1, 'derivation steps of its L-system, a year each, so that plants can '
                           'begin young and grow on; -1 = as the grammar says', '', -1, MAX_STEPS)
 

@@ -50,12 +50,17 @@ def pave(streets: Sequence[Street], terrain: Terrain, origin: np.ndarray,
             surfaces += [(s.pavement_surface, s.strip(kerb, end)),
                          (s.pavement_surface, s.strip(-end, -kerb))]
     laid: list[np.ndarray] = []
+    bounds = np.zeros((len(surfaces), 2, 2))  # of those that are laid
     pieces: dict[str, list[np.ndarray]] = {}
     for texture, corners in surfaces:
         outline = np.asarray(origin) + product(corners, turn.T)
         left = [outline]
-        for other in laid:
-            left = [rest for piece in left for rest in without(piece, other)]
+        low, high = outline.min(axis=0), outline.max(axis=0)
+        near = np.flatnonzero((bounds[:len(laid), 0] < high).all(axis=1)
+                              & (bounds[:len(laid), 1] > low).all(axis=1))
+        for k in near.tolist():
+            left = [rest for piece in left for rest in without(piece, laid[k])]
+        bounds[len(laid)] = low, high
         laid.append(outline)
         pieces.setdefault(texture, []).extend(left)
     area = sum(_area(piece) for group in pieces.values() for piece in group)

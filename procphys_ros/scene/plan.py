@@ -19,16 +19,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import math
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
 
-from procphys_ros.appearance.palette import is_known, LOOKS
 from procphys_ros.elementary import atan2, cos, sin
-from procphys_ros.errors import nearest_names, SceneError
+from procphys_ros.errors import SceneError
 from procphys_ros.geometry.linear import norm
-from procphys_ros.scene.sources import GRAMMARS
+from procphys_ros.scene.keys import Keys
 from procphys_ros.scene.yaml_file import BoundedLoader, parsed
 
 MOST = 2000  # houses, or trees, of one row
@@ -145,6 +143,11 @@ class Plan:
     streets: Sequence[Street]
     rows: Sequence[Row]
 
+    @property
+    def count(self) -> int:
+        """Number of houses and trees."""
+        return sum(row.count for row in self.rows)
+
 
 def read_plan(path: Path) -> Plan:
     """
@@ -153,136 +156,17 @@ def read_plan(path: Path) -> Plan:
     :raises SceneError: naming file, line, key and what is allowed.
     """
     root = parsed(path, lambda text: yaml.compose(text, BoundedLoader))
-    top = _Keys(root, str(path), ('streets', 'plots', 'trees'))
-    streets = {name: _street(_Keys(node, str(path), _STREET))
+    top = Keys(root, str(path), ('streets', 'plots', 'trees'))
+    streets = {name: _street(Keys(node, str(path), _STREET))
                for name, node in top.mapping('streets')}
-    rows = [_plots(_Keys(node, str(path), _PLOTS), streets) for node in top.items('plots')]
-    rows += [_trees(_Keys(node, str(path), _TREES), streets) for node in top.items('trees')]
+    rows = [_plots(Keys(node, str(path), _PLOTS), streets) for node in top.items('plots')]
+    rows += [_trees(Keys(node, str(path), _TREES), streets) for node in top.items('trees')]
     if not rows:
         raise SceneError(f'{path}: a plan needs rows under "plots" or "trees"')
     return Plan(list(streets.values()), rows)
 
 
-class _Keys:
-    """Mapping of a plan, whose values are read by key and checked."""
-
-    def __init__(self, node: Any, file: str, known: Sequence[str]):
-        self.where = f'{file}:{node.start_mark.line + 1}' if node is not None else file
-        self._file = file
-        self._nodes: dict[Any, Any] = {}
-        if not isinstance(node, yaml.MappingNode):
-            raise SceneError(f'{self.where}: keys with values are expected ({", ".join(known)})')
-        for key, value in node.value:
-            if key.value not in known:
-                raise SceneError(f'{file}:{key.start_mark.line + 1}: there is no key '
-                                 f'"{key.value}"{nearest_names(str(key.value), known)} (known: '
-                                 f'{", ".join(known)})')
-            if key.value in self._nodes:
-                raise SceneError(f'{file}:{key.start_mark.line + 1}: {key.value} stands there '
-                                 'twice')
-            self._nodes[key.value] = value
-
-    def error(self, key: str, text: str) -> SceneError:
-        node = self._nodes.get(key)
-        where = f'{self._file}:{node.start_mark.line + 1}' if node is not None else self.where
-        return SceneError(f'{where}: {key} {text}')
-
-    def value(self, key: str, default: Any = None) -> Any:
-        if key not in self._nodes:
-            if default is None:
-                raise SceneError(f'{self.where}: {key} is missing')
-            return default
-        loader = BoundedLoader('')
-        try:
-            return loader.construct_document(self._nodes[key])
-        except (yaml.YAMLError, ValueError, RecursionError):
-            raise self.error(key, 'cannot be read') from None
-
-    def number(self, key: str, low: float, high: float, default: float | None = None) -> float:
-        value = self.value(key, default)
-        if (isinstance(value, bool) or not isinstance(value, int | float)
-                or not low <= value <= high):
-            raise self.error(key, f'is {value!r}, it must be a number from {low:g} to {high:g}')
-        return float(value)
-
-    def count(self, key: str, most: int) -> int:
-        value = self.value(key)
-        if type(value) is not int or not 1 <= value <= most:
-            raise self.error(key, f'is {value!r}, it must be a whole number from 1 to {most}')
-        return value
-
-    def point(self, key: str) -> np.ndarray:
-        value = self.value(key)
-        if not _are_numbers(value, (2,)):
-            raise self.error(key, f'is {value!r}, it must be two numbers, [x, y]')
-        return np.array(value, float)
-
-    def choice(self, key: str, known: Sequence[str]) -> str:
-        value = self.value(key)
-        if value not in known:
-            raise self.error(key, f'is {value!r}, it must be one of {", ".join(known)}'
-                             f'{nearest_names(str(value), known)}')
-        return str(value)
-
-    def texture(self, key: str, default: str) -> str:
-        value = self.value(key, default)
-        if value != default and not (isinstance(value, str) and is_known(value)):
-            raise self.error(key, f'is {value!r}, it must be a texture, such as asphalt, cobbles, '
-                             f'gravel, paving or concrete{nearest_names(str(value), LOOKS)}')
-        return str(value)
-
-    def names(self, key: str) -> tuple[str, ...]:
-        value = self.value(key)
-        value = [value] if isinstance(value, str) else value
-        if not isinstance(value, list) or not value or not all(
-                isinstance(name, str) and name.endswith(GRAMMARS) for name in value):
-            raise self.error(key, f'is {value!r}, it must name files that end in '
-                             f'{", ".join(GRAMMARS)}')
-        return tuple(value)
-
-    def ranges(self, key: str) -> dict[str, tuple[float, float, float]]:
-        value = self.value(key, {})
-        if not isinstance(value, dict):
-            raise self.error(key, f'is {value!r}, it must be {{name: value, …}}')
-        found = {}
-        if 'seed' in value:
-            raise self.error(key, 'has a value "seed", which no grammar has; each takes its own '
-                             'from the seed of the plan')
-        for name, given in value.items():
-            given = [given, given] if _are_numbers([given], (1,)) else given
-            if not _are_numbers(given, (2, 3)) or given[0] > given[1] or min(given[2:] or [0]) < 0:
-                raise self.error(key, f'has {name}: {given!r}, it must be a number, [least, '
-                                 'largest] or [least, largest, step]')
-            found[str(name)] = (float(given[0]), float(given[1]), float((given[2:] or [0])[0]))
-        return found
-
-    def mapping(self, key: str) -> list[tuple[str, Any]]:
-        node = self._nodes.get(key)
-        if not isinstance(node, yaml.MappingNode) or not node.value:
-            raise self.error(key, 'must name streets, as {high: {from: [0, 0], to: [90, 0]}}')
-        named = [(str(name.value), value) for name, value in node.value]
-        for place, (name, value) in enumerate(named):
-            if name in dict(named[:place]):
-                raise SceneError(f'{self._file}:{value.start_mark.line + 1}: {name} stands there '
-                                 'twice')
-        return named
-
-    def items(self, key: str) -> list[Any]:
-        node = self._nodes.get(key)
-        if node is None:
-            return []
-        if not isinstance(node, yaml.SequenceNode):
-            raise self.error(key, 'must be a list of rows, each in its "- {…}"')
-        return list(node.value)
-
-
-def _are_numbers(value: Any, counts: Sequence[int]) -> bool:
-    return isinstance(value, list) and len(value) in counts and all(
-        isinstance(v, int | float) and not isinstance(v, bool) and abs(v) < 1e300
-        for v in value)
-
-
-def _street(keys: _Keys) -> Street:
+def _street(keys: Keys) -> Street:
     street = Street(keys.point('from'), keys.point('to'), keys.number('width', 0.0, 200.0, 8.0),
                     keys.texture('surface', ''), keys.number('pavement', 0.0, 50.0, 0.0),
                     keys.texture('pavement_surface', 'paving'))
@@ -292,7 +176,7 @@ def _street(keys: _Keys) -> Street:
     return street
 
 
-def _plots(keys: _Keys, streets: Mapping[str, Street]) -> Row:
+def _plots(keys: Keys, streets: Mapping[str, Street]) -> Row:
     street = streets[keys.choice('street', tuple(streets))]
     return Row(True, street, keys.choice('side', _SIDES) == 'left', keys.names('grammars'),
                keys.ranges('defines'), keys.count('count', MOST),
@@ -300,7 +184,7 @@ def _plots(keys: _Keys, streets: Mapping[str, Street]) -> Row:
                keys.number('start', 0.0, street.length, 0.0), keys.where)
 
 
-def _trees(keys: _Keys, streets: Mapping[str, Street]) -> Row:
+def _trees(keys: Keys, streets: Mapping[str, Street]) -> Row:
     street = streets[keys.choice('street', tuple(streets))]
     spacing = keys.number('spacing', 0.1, 1000.0, 8.0)
     start = keys.number('start', 0.0, street.length, 0.0)

@@ -14,7 +14,7 @@
 
 """Scene: blueprints placed in the world, in the part order that holds from here to ROS."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 import logging
 from pathlib import Path
@@ -33,6 +33,7 @@ from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import product
 from procphys_ros.lsystem import grow, Growth, LSystem
 from procphys_ros.lsystem.growth import build_drawn
+from procphys_ros.maps import MAPS
 from procphys_ros.progress import stage
 from procphys_ros.scene.bearing import bear
 from procphys_ros.scene.capacity import available_memory, check_capacity
@@ -41,13 +42,13 @@ from procphys_ros.scene.layout import places
 from procphys_ros.scene.objects import ObjectSpec, read_objects
 from procphys_ros.scene.paving import pave
 from procphys_ros.scene.placement import stand_on, unbonded
-from procphys_ros.scene.plan import read_plan
+from procphys_ros.scene.plan import read_plan, Street
 from procphys_ros.scene.plants import ScenePlant, Stand
 from procphys_ros.scene.settings import read_settings, Settings
 from procphys_ros.scene.shards import Shard
 from procphys_ros.scene.soundness import check_blueprint
-from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN
-from procphys_ros.scene.streets import lay_out
+from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN, SITES
+from procphys_ros.scene.streets import lay_out, Lot
 from procphys_ros.scene.terrain import make_terrain
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.wind_map import read_wind_map
@@ -266,9 +267,11 @@ class Scene:
             if spec.on and self.shard.count > 1:
                 raise SceneError(f'{spec.name}.on: objects that stand on others cannot be shared '
                                  f'among nodes; leave shard.count at 1')
-            if spec.grammar.endswith(PLAN):
+            if spec.rules and not spec.grammar.endswith(MAPS):
+                raise SceneError(f'{spec.name}.rules: only maps ({", ".join(MAPS)}) have rules')
+            if spec.grammar.endswith(SITES):
                 self._grow(stand)
-                self._add_plan(spec, number, beside)
+                self._add_site(spec, number, beside)
                 continue
             key = f'{spec.name}.grammar'
             grammar = (load_grammar(spec.grammar, key, beside) if spec.grammar
@@ -363,39 +366,51 @@ class Scene:
                     sapling.growth, tuple(sapling.position.tolist()), sapling.yaw, alive)
         stand.clear()
 
-    def _add_plan(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
-        """Build and place the houses and trees of a plan, `<name>_house_0` and so on."""
+    def _add_site(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
+        """Build and place the houses and trees of a plan or a map, `<name>_house_0` and so on."""
         key = f'{spec.name}.grammar'
         if spec.on:
-            raise SceneError(f'{spec.name}.on: the houses and trees of a plan stand on the ground')
+            raise SceneError(f'{spec.name}.on: houses and trees of a plan stand on the ground')
         if spec.steps >= 0:
             raise SceneError(f'{spec.name}.steps: only L-systems are derived in steps')
         if spec.defines or spec.count:
             raise SceneError(f'{spec.name}: {key} is a plan, which has counts and defines of its '
                              f'own; leave {spec.name}.count and {spec.name}.defines out')
         with named_by(key, spec.grammar):
-            self._lay_out(spec, number, locate(spec.grammar, key, beside))
+            self._fill_site(spec, self._seed(spec, number), locate(spec.grammar, key, beside),
+                            beside)
 
-    def _lay_out(self, spec: ObjectSpec, number: int, path: Path) -> None:
-        """Build and place the streets, houses and trees of a plan."""
+    def _fill_site(self, spec: ObjectSpec, seed: int, path: Path, beside: Path | None) -> None:
+        """Read a plan or a map, and build and place what is in it."""
         grammars: dict[str, Grammar] = {}
 
-        def build(name: str, seed: int, defines: dict[str, float]) -> Blueprint:
+        def load(name: str) -> Grammar:
             if name not in grammars:
                 grammars[name] = load_grammar(name, str(path), path.parent)
-            return grammars[name].build(seed=seed, **defines)
+            return grammars[name]
 
-        seed, plan = self._seed(spec, number), read_plan(path)
-        count = sum(row.count for row in plan.rows)
+        if path.suffix == PLAN:
+            plan = read_plan(path)
+            self._lay_out(spec, path, plan.streets, plan.count, lay_out(plan.rows, seed, load))
+            return
+        from procphys_ros.scene.map_block import MapBlock  # imports the language of walls
+        with named_by(f'{spec.name}.rules', spec.rules):
+            rules = locate(spec.rules, f'{spec.name}.rules', beside) if spec.rules else None
+            block = MapBlock(path, rules)
+        self._lay_out(spec, path, block.streets, block.count, block.lots(seed, load))
+
+    def _lay_out(self, spec: ObjectSpec, path: Path, streets: Sequence[Street], count: int,
+                 lots: Iterable[Lot | None]) -> None:
+        """Pave streets, and place the houses and trees of a plan or a map that are there."""
         mine = set(self.shard.members(self._instances, count))
         self._instances += count
         turn = rotation.to_matrix(rotation.from_yaw(spec.yaw))[:2, :2]
         if self.shard.index == 0:
-            self.paving += pave(plan.streets, self.settings.terrain, np.asarray(spec.origin)[:2],
+            self.paving += pave(streets, self.settings.terrain, np.asarray(spec.origin)[:2],
                                 turn, str(path))
-        for i, lot in enumerate(lay_out(plan.rows, seed, build)):
+        for i, lot in enumerate(lots):
+            if lot is None or i not in mine:
+                continue
             with stage('growing objects', f'{spec.name}_{lot.name}, {i + 1} of {count}'):
-                if i in mine:
-                    place = np.asarray(spec.origin) + [*product(turn, lot.position), 0.0]
-                    self._place(lot.blueprint, place, spec.yaw + lot.yaw,
-                                f'{spec.name}_{lot.name}')
+                place = np.asarray(spec.origin) + [*product(turn, lot.position), 0.0]
+                self._place(lot.blueprint, place, spec.yaw + lot.yaw, f'{spec.name}_{lot.name}')

@@ -25,6 +25,7 @@ from procphys_ros.files.file_bounds import named_by, outside
 from procphys_ros.files.resources import shared_folder, shipped_file
 from procphys_ros.language import check_length, shorten, TRANSLATED
 from procphys_ros.lsystem import LSystem
+from procphys_ros.maps import MAPS
 
 if TYPE_CHECKING:
     from procphys_ros.mechanism import MechanismGrammar
@@ -37,6 +38,7 @@ TREE_GRAMMAR, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
 SCANS = ('.csv', '.mtg', '.ply')  # of trees
 _LANGUAGES = (TREE_GRAMMAR, _WALL, _MECHANISM, *TRANSLATED)
 GRAMMARS = (*_LANGUAGES, *SCANS)
+SITES = (PLAN, *MAPS)  # of many objects
 _WORDS = {'building': _WALL, 'mechanism': _MECHANISM}  # that begin texts of these languages
 
 
@@ -64,7 +66,7 @@ def load_grammar(name: str, key: str, beside: Path | None = None) -> Grammar:
 
 def _language_of(name: str, key: str,
                  path: Path) -> 'Language | type[ScannedTree]':
-    if path.suffix == PLAN:
+    if path.name.endswith(SITES):
         raise SceneError(f'{key}: "{shorten(name)}" is a plan of many objects; it can only be '
                          'the grammar of an object in scene.objects')
     if path.suffix in SCANS:
@@ -104,7 +106,7 @@ def _language(suffix: str) -> 'Language':
 
 
 def locate(name: str, key: str, beside: Path | None) -> Path:
-    """Find a file of a grammar or a plan; see `load_grammar`."""
+    """Find a file of a grammar, a plan or a map; see `load_grammar`."""
     if not name.strip() or not name.isprintable():
         raise SceneError(f'{key}: "{shorten(name)}" is not a file name')
     if name.startswith('package://'):
@@ -128,7 +130,7 @@ def locate(name: str, key: str, beside: Path | None) -> Path:
     if refused and Path(name).name != name:  # a mere name is more likely misspelt
         raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {refused}')
     known = sorted(p.name for p in (shared_folder() / 'grammars').glob('*')
-                   if p.suffix in (*_LANGUAGES, PLAN))
+                   if p.name.endswith((*_LANGUAGES, *SITES)))
     raise SceneError(f'{key}: there is no grammar "{shorten(name)}"{nearest_names(name, known)} '
                      f'(shipped: {", ".join(known)}; or give a path)')
 

@@ -26,8 +26,7 @@ from procphys_ros.errors import SceneError
 from procphys_ros.geometry.linear import product
 from procphys_ros.geometry.rotation import from_yaw, to_matrix
 from procphys_ros.scene.plan import Row
-
-Build = Callable[[str, int, dict[str, float]], Blueprint]  # a grammar, a seed, defines
+from procphys_ros.scene.sources import Grammar
 
 
 @dataclass(frozen=True)
@@ -47,7 +46,7 @@ class Lot:
     yaw: float
 
 
-def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
+def lay_out(rows: Sequence[Row], seed: int, load: Callable[[str], Grammar]) -> Iterator[Lot]:
     """
     Build and place the houses and trees of a plan.
 
@@ -56,6 +55,7 @@ def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
 
     :param rows: of the plan.
     :param seed: of the choice of grammars and defines, and of each grammar's random numbers.
+    :param load: reads a grammar.
     :raises SceneError: when the houses of a row are wider than its street is long.
     """
     counts = {True: 0, False: 0}
@@ -67,7 +67,7 @@ def lay_out(rows: Sequence[Row], seed: int, build: Build) -> Iterator[Lot]:
             name = f'{"house" if row.is_plots else "tree"}_{counts[row.is_plots]}'
             counts[row.is_plots] += 1
             own = int(rng.integers(2 ** 31))
-            blueprint = build(grammar, own, defines)
+            blueprint = load(grammar).build(seed=own, **defines)
             if not row.is_plots:
                 place = row.street.place(along, row.beyond, row.left)
                 yield Lot(name, blueprint, place, float(rng.uniform(-math.pi, math.pi)))

@@ -38,6 +38,7 @@ COMMANDS = {
     'command': 'procphys_ros.ros.command',
     'examples': 'procphys_ros.examples.command',
     'export': 'procphys_ros.export.command',
+    'map': 'procphys_ros.maps.command',
     'record': 'procphys_ros.ros.record',
     'render': 'procphys_ros.render.command',
     'replay': 'procphys_ros.ros.replay',
@@ -147,5 +148,5 @@ def _end(name: str) -> NoReturn:
     os._exit(INTERRUPTED)
 
 
-batch, command, examples, export, record, render, replay, view, warm = (
+batch, command, examples, export, map, record, render, replay, view, warm = (  # noqa: A001
     partial(start, name) for name in COMMANDS)

@@ -15,7 +15,7 @@
 """Building: from the text of a wall grammar to a blueprint of bricks and mortar."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -24,8 +24,10 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.geometry import rotation
 from procphys_ros.language import (
     check_length,
+    Expression,
     generator_of,
     GrammarFile,
+    Place,
     resolve_defines,
 )
 from procphys_ros.wallgrammar import bodies, contacts, corners, hinged, polygons, references
@@ -44,11 +46,12 @@ from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.interior import Interior
 from procphys_ros.wallgrammar.materials import Material
 from procphys_ros.wallgrammar.parser import parse
-from procphys_ros.wallgrammar.spec import Spec
+from procphys_ros.wallgrammar.spec import Call, Spec
 from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
 _JOINT_SLACK = 0.004  # [m] by which joints between cut bricks may be wider than others
+_PITCHED = ('gable', 'hip', 'spire')
 MOST_PARTS = 200_000  # default bound on the parts of one building
 
 
@@ -89,6 +92,42 @@ class WallGrammar(GrammarFile):
             check_panel(panel, layouts, materials)
         return cls(spec, source, materials, layouts, most_parts)
 
+    def over(self, corners: np.ndarray, facades: Sequence[int], source: str,
+             storeys: int | None = None, storey_height: float | None = None,
+             roof: str | None = None, pitch: float | None = None,
+             bare: bool = False) -> 'WallGrammar':
+        """
+        Return this grammar over another footprint, such as that of a map.
+
+        :param corners: counter-clockwise [m], (n, 2).
+        :param facades: which of its facades each edge has; the last repeats.
+        :param source: name of the footprint, for errors.
+        :param storeys, storey_height: None = as the grammar says.
+        :param roof: 'none', 'flat', 'gable' or 'hip'; None = as the grammar says.
+        :param pitch: of a gable or hip [degrees]; None = that of the grammar's roof, else 35.
+        :param bare: without floors and partitions.
+        :raises GrammarError: when the grammar has wings, whose footprints would not fit.
+        """
+        building, place = self.spec.building, Place(source)
+        if self.spec.wings:
+            raise place.error(f'{self.source} has wings, which have no place over another '
+                              'footprint; take a grammar without any')
+        def number(value: float | None, own: Expression | None) -> Expression | None:
+            return own if value is None else Expression.constant(value, place)
+
+        own = building.facades
+        height = number(storey_height, building.storey_height)
+        return replace(self, source=source, spec=replace(self.spec, building=replace(
+            building, corners=(place,) * len(corners), footprint=tuple(
+                (Expression.constant(x, place), Expression.constant(y, place))
+                for x, y in corners.tolist()),
+            facades=tuple(own[min(k, len(own) - 1)] for k in facades),
+            storeys=number(storeys, building.storeys),
+            storey_height=height or building.storey_height,
+            roof=_roof_of(building.roof, roof, pitch, place),
+            floors=None if bare else building.floors,
+            partitions=None if bare else building.partitions)))
+
     def build(self, /, seed: int = 0, **defines: float) -> Blueprint:
         """
         Derive the building.
@@ -106,6 +145,17 @@ class WallGrammar(GrammarFile):
             found.append(bodies.derive(building, spec, self.layouts, values, generator, found))
         bodies.check_apart(found)
         return _construct(self, found)
+
+
+def _roof_of(own: Call | None, name: str | None, pitch: float | None, place: Place) -> Call:
+    """Return a roof with a name and a pitch [degrees]; None = those of the grammar's own one."""
+    if name is None and pitch is None and own is not None:
+        return own
+    name = own.name if name is None and own is not None else name or 'none'
+    given = own.arguments if own is not None and own.name in _PITCHED else ()
+    if pitch is not None or not given:
+        given = (Expression.constant(35.0 if pitch is None else pitch, place),)
+    return Call(name, given if name in _PITCHED else (), place)
 
 
 def _construct(grammar: WallGrammar, found: Sequence[Body]) -> Blueprint:

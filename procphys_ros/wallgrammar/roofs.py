@@ -272,7 +272,7 @@ class Roof:
                          for arc in arcs])
         angles = np.sort(atan2(*ways.T[::-1]))
         between = np.diff(angles, append=angles[0] + 2.0 * np.pi)
-        half = 0.5 * min(between.min(), 0.5 * np.pi)
+        half = 0.5 * min(max(between.min(), ALIGNED), 0.5 * np.pi)
         off = float(hypot(*(node.ends - node.place).T).max())
         radius = float(max(0.5 * BOARD / tan(half) + (off / sin(half) if off > _ONE else 0.0),
                            np.sqrt(2.0) * _POST) + CLEAR)

@@ -1,0 +1,21 @@
+# Copyright 2026 The procphys_ros authors
+#
+# Licensed under the Apache License, Version 2.0 (the "License");
+# you may not use this file except in compliance with the License.
+# You may obtain a copy of the License at
+#
+#     http://www.apache.org/licenses/LICENSE-2.0
+#
+# Unless required by applicable law or agreed to in writing, software
+# distributed under the License is distributed on an "AS IS" BASIS,
+# WITHOUT WARRANTIES OR CONDITIONS OF ANY KIND, either express or implied.
+# See the License for the specific language governing permissions and
+# limitations under the License.
+
+"""Maps: buildings, roads and trees of GeoJSON, OpenStreetMap and CityJSON files, in metres."""
+
+from procphys_ros.maps.features import Feature, Map, MAPS, read_map
+from procphys_ros.maps.houses import House, houses_of, PARTY
+from procphys_ros.maps.roads import Road, roads_of
+
+__all__ = ['Feature', 'House', 'houses_of', 'Map', 'MAPS', 'PARTY', 'read_map', 'Road', 'roads_of']
