@@ -290,7 +290,7 @@ def test_a_rope_is_slack_and_then_taut(time_step):
 
 
 @pytest.mark.parametrize('kind, ratio', [
-    (JointKind.BALL, 1.0), (JointKind.BALL, 1e4), (JointKind.HINGE, 100.0)])
+    (JointKind.BALL, 1e4), (JointKind.HINGE, 100.0)])
 def test_a_chain_does_not_stretch(kind, ratio):
     """Let twenty links with a block at the end swing down from the horizontal."""
     world = World(engine='native')

@@ -205,9 +205,8 @@ def lowest_corner(frame, local):
 
 @pytest.mark.parametrize(('engine', 'courses', 'tolerance', 'tilt'), [
     *(('native', courses, LEVELLED, tilt) for courses, tilt in (
-        (2, 0.4), (2, -0.5 * np.pi), (6, 0.0), (6, 1.2), (6, -0.5 * np.pi), (20, 0.5 * np.pi),
-        (20, 2.0))),
-    *((engine, 6, LEVEL, tilt) for engine in installed_engines() for tilt in (0.4, 0.5 * np.pi))])
+        (2, 0.4), (6, 0.0), (6, -0.5 * np.pi), (20, 2.0))),
+    *((engine, 6, LEVEL, 0.4) for engine in installed_engines())])
 def test_the_ground_meets_every_brick_of_a_toothed_piece(tilt, engine, courses, tolerance):
     """Drop a broken wall on its toothed edge: no corner sinks in, and none is thrown up."""
     # Where its outline is levelled, corners that stand out of that meet the ground as points,

@@ -220,7 +220,7 @@ def _climber(rng: np.random.Generator) -> Blueprint:
 _OBJECTS: tuple[Callable[[np.random.Generator], Blueprint], ...] = (_tree, _laid, _arch, _house)
 
 
-@pytest.mark.parametrize('seed', [2, 8])  # with either engine
+@pytest.mark.parametrize('seed', [1, 10])  # with either engine
 def test_random_changes_leave_everything_finite_and_repeatable(seed):
     """Let 40 steps pass in a scene that changes, half of them twice from a saved state."""
     found = list(faults(seed))

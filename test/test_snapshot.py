@@ -241,14 +241,13 @@ def hostile(chosen, node, others):
     return key
 
 
-@pytest.mark.parametrize('seed', range(3))
-def test_hostile_tables_are_refused_or_are_states(saved, seed):
+def test_hostile_tables_are_refused_or_are_states(saved):
     """Change a table anywhere, its checksum being right: no error but a refusal in one line."""
     simulation, data = saved
     table, rest = taken_apart(data)
-    chosen, text = random.Random(seed), json.dumps(table)
+    chosen, text = random.Random(0), json.dumps(table)
     refused = 0
-    for _ in range(60):
+    for _ in range(90):
         table = json.loads(text)
         known = [node for node in nodes(chosen.choice(
             [table, table['added'], table['state']['objects']])) if node]
@@ -262,7 +261,7 @@ def test_hostile_tables_are_refused_or_are_states(saved, seed):
         assert '\n' not in reason and 'internal' not in reason
         if not reason:
             assert not refusal(simulation, data)
-    assert refused > 30
+    assert refused > 45
 
 
 @pytest.mark.parametrize('table', [
