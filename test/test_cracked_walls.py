@@ -152,8 +152,7 @@ def a_corner_of_a_house(tension):
 
 
 @pytest.mark.parametrize(('plan', 'gone'), [
-    a_pier_of_an_arcade(), a_corner_of_a_house(0.05e6), a_corner_of_a_house(0.2e6)],
-    ids=['arcade', 'house of lime mortar', 'house'])
+    a_pier_of_an_arcade(), a_corner_of_a_house(0.05e6)], ids=['arcade', 'house of lime mortar'])
 def test_what_stands_does_not_depend_on_the_order_of_breaking(plan, gone):
     """Knock a pier or a corner out in three orders: the same stands, within 5 % of the parts."""
     stands = [without(plan, np.random.default_rng(seed).permutation(gone), 6, 50).sum()

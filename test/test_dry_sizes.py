@@ -114,9 +114,8 @@ def soft(plan, modulus, stone):
 
 @pytest.mark.report('laws')
 @pytest.mark.parametrize(('kind', 'seed', 'modulus'), [
-    ('round', 0, BRICK), ('round', 3, BRICK), ('round', 5, BRICK), ('round', 4, STONE),
-    ('segmental', 0, BRICK), ('segmental', 2, BRICK), ('segmental', 6, BRICK),
-    ('pointed', 2, BRICK), ('pointed', 5, BRICK), ('pointed', 7, BRICK), ('pointed', 4, STONE)])
+    ('round', 0, BRICK), ('round', 5, BRICK), ('round', 4, STONE), ('segmental', 0, BRICK),
+    ('segmental', 6, BRICK), ('pointed', 5, BRICK), ('pointed', 4, STONE)])
 def test_drawn_dry_arches_stand_down_to_limit_analysis(kind, seed, modulus, measured):
     """Stand 3 % above the least thickness, fall 3 % below: spans of 0.9 to 18 m, 31 m of stone."""
     # Softer ones open by more than 0.05 rad before they find their balance (decision 41).

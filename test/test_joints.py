@@ -183,8 +183,7 @@ def test_a_hinge_rests_against_its_limit(time_step):
 
 
 @pytest.mark.parametrize('kind, damping, time_step', [
-    (JointKind.HINGE, 0.0, STEPS[0]), (JointKind.HINGE, 0.05, STEPS[1]),
-    (JointKind.SLIDER, 0.05, STEPS[0]), (JointKind.SLIDER, 0.0, STEPS[1])])
+    (JointKind.HINGE, 0.05, STEPS[1]), (JointKind.SLIDER, 0.0, STEPS[0])])
 def test_a_spring_swings_with_its_period(kind, damping, time_step):
     """Compare period and decay; damping is a share of the critical one."""
     world = World(engine='native', gravity=(0.0, 0.0, 0.0))

@@ -126,9 +126,8 @@ def gap(shape, size, points):
     return np.linalg.norm(end, axis=1) - 0.5 * size[0]
 
 
-@pytest.mark.parametrize('pattern', [spherical(24, 60, 2.4, 2.0 * math.pi),
-                                     spherical(16, 20, math.pi, 1.5), pinhole(20, 24, 1.8, 2.2)],
-                         ids=['round', 'sector', 'camera'])
+@pytest.mark.parametrize('pattern', [spherical(16, 40, 2.4, 2.0 * math.pi),
+                                     pinhole(20, 24, 1.8, 2.2)], ids=['round', 'camera'])
 def test_no_ray_misses_a_part(pattern):
     """Put turned parts everywhere, also overhead, behind and close by, and check each ray."""
     rng = np.random.default_rng(5)

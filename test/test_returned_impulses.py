@@ -46,7 +46,7 @@ def flung_together(rng):
     return world
 
 
-@pytest.mark.parametrize('seed', range(6))
+@pytest.mark.parametrize('seed', range(3))
 def test_books_are_kept_whatever_is_taken_back(seed):
     """Take back any shares of what bodies gave each other: momentum stays, no energy is won."""
     rng = np.random.default_rng(seed)

@@ -596,7 +596,8 @@ def test_services_are_offered_where_the_package_has_them(monkeypatch):
         ('spawn_entity', kinds.SpawnEntity), ('simulate_steps', actions.SimulateSteps))}
 
 
-NAMES = [f'oak_{i}' for i in range(5000)]
+NAMES = [*(f'oak_{i}' for i in range(2000)), 'a' * 60, 'ab' * 5000, *(
+    'a' * i + 'b' * j + 'a' * k for i in range(0, 9, 2) for j in range(9) for k in range(0, 9, 2))]
 HOSTILE = ['^(a|a)*b', '(a+)+b', '((a*)*)*b', '(a|aa)+$b', '(x?){30}x{30}', '([a-z0-9_]?){400}Z',
            '(a|b)*a(a|b){300}', '(a|b)*a(a|b){12}!', '(((a{250}){250}){250}){250}', '(){99999}',
            '(' * 499 + 'a' + ')' * 499, '(' * 1000, '(a' * 300 + ')*' * 300, '|' * 1000,
@@ -660,14 +661,11 @@ def test_what_is_no_expression_is_refused(text, reason):
 
 @pytest.mark.timeout(60)  # none takes half a second; Python's `re` needs years for some
 @pytest.mark.parametrize('text', HOSTILE, ids=lambda text: text[:30])
-@pytest.mark.parametrize('names', [NAMES, ['a' * 60], ['ab' * 5000], random.Random(1).choices(
-    ['a' * i + 'b' * j + 'a' * k for i in range(9) for j in range(9) for k in range(9)], k=500)],
-    ids=['many', 'alike', 'long', 'mixed'])
-def test_no_expression_holds_anything_up(text, names):
+def test_no_expression_holds_anything_up(text):
     """Answer or refuse at once, for all patterns and names of objects."""
     try:
         pattern = PosixPattern(text)
-        for name in names:
+        for name in NAMES:
             pattern.is_in(name)
     except CommandError as error:
         assert len(str(error)) < 250

@@ -246,7 +246,7 @@ def strike_singly(solver, struck, force, direction, acceleration=0.0):
                    direction, acceleration)
 
 
-@pytest.mark.parametrize('seed', range(8))
+@pytest.mark.parametrize('seed', range(3))
 def test_no_other_set_has_a_larger_excess(seed):
     """Strike a wall of ten bricks in any direction, and compare with all its 1,023 sets."""
     rng = np.random.default_rng(seed)

@@ -175,7 +175,7 @@ def test_momentum_of_a_wall_that_is_thrown_over_is_accounted_for_at_all_times(en
 
 
 @pytest.mark.parametrize(('mass', 'speed', 'size'), [
-    (7.0, 75.0, 0.12), (42.0, 33.0, 0.3), (1500.0, 4.0, 0.8)])
+    (7.0, 75.0, 0.12), (1500.0, 4.0, 0.8)])
 def test_contacts_tell_what_they_gave(mass, speed, size, monkeypatch):
     """Throw balls through a wall: no momentum is lost on the way, level and along the throw."""
     # What moves has, in every step, what the ball had, less what contacts tell that they gave to
@@ -235,7 +235,7 @@ def test_the_work_of_fracture_slows_what_goes_through():
 
 
 @pytest.mark.parametrize(('height', 'speed'), [
-    (0.5, 390.0), (0.86, 100.0), (0.895, 390.0)])
+    (0.86, 100.0), (0.895, 390.0)])
 def test_nothing_tunnels_through_a_wall(height, speed):
     """Stop or strike a pebble wherever it comes, joints included, whatever its phase."""
     simulation = stand(wall(12, 24))
