@@ -125,26 +125,6 @@ def test_momentum_is_accounted_for_in_every_contact(mass, speed):
     assert worst < 0.01 * np.linalg.norm(given)
 
 
-def test_a_tree_felled_onto_another_comes_to_rest():
-    """Cut a tree beside another: it ends up lower, still and above the ground."""
-    scene = Scene()
-    tree = bush(40, seed=1, damping_ratio=0.15, strength=1e12)
-    scene.add(tree, (0.0, 0.0, 0.0), 0.0, 'falls')
-    scene.add(tree, (1.3, 0.2, 0.0), 1.0, 'stands')
-    simulation = Simulation(scene)
-    forest = simulation.state.forest
-    forest.release(int(simulation.state.parts.row[1]))
-    forest.push(np.array([8]), forest.poses[[8], :3], np.array([[60.0, 0.0, 0.0]]))
-    met = 0
-    for _ in range(500):
-        simulation.step()
-        met += int((simulation.state.contacts.other >= 0).any())
-    assert met > 3
-    assert np.abs(simulation.velocities[:len(tree)]).max() < 0.1
-    assert simulation.poses[:, 2].min() > -0.01
-    assert simulation.poses[1:len(tree), 2].mean() < tree.poses[1:, 2].mean()
-
-
 def test_crowns_that_hit_the_ground_hardly_sink_in():
     """Fell a pine: no tip goes deeper than it moves in one step."""
     simulation = Simulation(Scene.from_parameters({

@@ -18,9 +18,7 @@ import numpy as np
 from PIL import Image
 import pytest
 
-from procphys_ros.physics import fracture_energy
 from procphys_ros.physics.air import AIR_VISCOSITY
-from procphys_ros.physics.causes import Cause
 from procphys_ros.physics.dust import (
     DUST_PER_ENERGY,
     DustCloud,
@@ -101,12 +99,6 @@ def test_dust_rises_where_energy_was_spent():
     x = cloud.puffs.positions[:, 0]
     assert (x < 50).sum() * 3 == pytest.approx((x > 50).sum(), abs=3)
     assert not (x > 150).any()
-
-
-def test_fracture_energies_follow_their_causes():
-    """Take 18 J/m² to open a joint, 125 to shear it, 18,900 to crush it."""
-    causes = [Cause.TENSION, Cause.SHEAR, Cause.COMPRESSION]
-    assert fracture_energy.BY_CAUSE[causes] * 0.02 == pytest.approx([0.36, 2.5, 378.0])
 
 
 def test_motion_energy_matches_rigid_body_energy():

@@ -115,7 +115,8 @@ def _plan(turns: tuple[int, ...], edge: float) -> np.ndarray:
     return np.concatenate([np.zeros((1, 2)), np.cumsum(ways, axis=0)[:-1]])
 
 
-@pytest.mark.parametrize('turns', [(120,) * 3, (20,) * 18, (40, 140) * 2, (60, 60, -60, 60, 60) * 2])
+@pytest.mark.parametrize('turns', [
+    (120,) * 3, (20,) * 18, (40, 140) * 2, (60, 60, -60, 60, 60) * 2])
 def test_corners_of_any_angle_are_closed(turns):
     """Find brick or mortar everywhere behind the outer faces, up to the corners."""
     plan = _plan(turns, 1.4)

@@ -218,23 +218,6 @@ def test_the_residual_stays_exact_while_steps_are_on_a_part(chosen):
     assert len(chosen) > 10 and max(chosen) < 0.34 * solver.graph.count
 
 
-def test_only_what_is_chosen_moves_in_a_step_on_a_part(chosen):
-    """Look at displacements after a few iterations of such a step."""
-    fracture = struck(braced(16, 30, 0.4e6))
-    solver, looked = fracture.solver, 0
-    while looked < 5:
-        fracture.withstand(3, 1000.0, np.concatenate)
-        step = solver._step
-        if step.confined and not solver.known:
-            before = step._start[0]
-            inside = np.zeros(len(before), bool)
-            inside[step.islands.parts] = True
-            assert np.array_equal(solver.displacement[~inside], before[~inside])
-            ends = solver.graph.first[step.islands.bonds], solver.graph.second[step.islands.bonds]
-            assert (inside[ends[0]] | inside[ends[1]]).all()
-            looked += 1
-
-
 def test_steps_on_a_part_fail_the_same_bonds(chosen):
     """Crack a wall under a blow in four rounds, with such steps and without."""
     built = braced(16, 30, 0.4e6)
@@ -242,20 +225,3 @@ def test_steps_on_a_part_fail_the_same_bonds(chosen):
     assert chosen
     subdomains._LARGE = 10_000
     assert confined == rounds_of(struck(built), 4) and len(confined) == 4
-
-
-def test_sets_are_connected_and_list_each_bond_once(chosen):
-    """Choose around two places of a wall that are far from each other."""
-    fracture = struck(braced(20, 30, 0.4e6))
-    solver, graph = fracture.solver, fracture.solver.graph
-    graph.cracked[np.flatnonzero(graph.alive)[:1]] = True
-    assert not solver.converged
-    sizes = np.zeros(graph.count)
-    sizes[[40, 500]] = 1.0
-    sets = subdomains.furthest_off(graph, solver._islands, sizes, 1.0)
-    assert len(sets.part) == len(sets.bond) == 3
-    assert 40 in sets.parts[:sets.part[1]] and 500 in sets.parts[sets.part[1]:]
-    assert len(np.unique(sets.parts)) == len(sets.parts) == sets.part[-1]
-    living = [m for m in graph.neighbours(sets.parts) if graph.alive[m]]
-    assert sorted(sets.bonds.tolist()) == sorted(living)
-    assert subdomains.furthest_off(graph, solver._islands, np.ones(graph.count), 1.0) is None

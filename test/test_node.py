@@ -313,19 +313,6 @@ def test_apply_impulse_without_a_target_is_refused(client):
     assert not answer.success and 'impulse.target' in answer.message
 
 
-def test_gust_in_still_air_needs_a_direction(client):
-    """Refuse a gust that has nowhere to go, take it when it has."""
-    answer = client.trigger('gust')
-    assert not answer.success and 'gust.direction' in answer.message
-    assert client.set_parameter('gust.direction', [0, 1, 0]).successful
-    assert client.set_parameter('gust.upwind', 0).successful
-    assert client.set_parameter('gust.duration', 600).successful
-    assert client.set_parameter('gust.rise', 1).successful
-    assert client.trigger('gust').success
-    received = client.listen(Vector3Stamped, '/sim/wind_info')
-    client.spin_until(lambda: received and received[-1].vector.y > 3.0, 'the gust')
-
-
 def test_integers_are_accepted_for_doubles(client):
     """Take whole numbers where the table says double, scalar and vector."""
     assert client.set_parameter('wind.velocity', [5, 0, 0]).successful

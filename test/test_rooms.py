@@ -335,16 +335,6 @@ def test_shards_wait_for_room():
     assert not is_whole(simulation) and simulation.state.glass.load.max() == 0.0
 
 
-def test_same_fall_twice_and_after_reset():
-    """Repeat a fall exactly, shards included."""
-    simulation = dropped(lying(window()), 3.0, 1.5)
-    first = simulation.poses.copy()
-    simulation.reset()
-    simulation.step(90)
-    np.testing.assert_array_equal(simulation.poses, first)
-    np.testing.assert_array_equal(dropped(lying(window()), 3.0, 1.5).poses, first)
-
-
 def test_shards_stay_shards_when_something_joins():
     """Shatter a pane, and add a window: its pane is one, and no shard is."""
     simulation = dropped(lying(window()), 3.0, 1.5)

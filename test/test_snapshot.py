@@ -119,17 +119,6 @@ def test_snapshots_and_forks_go_the_same_way_until_they_are_told_otherwise():
     assert_same(simulation, other)
 
 
-def test_saving_and_forking_change_nothing_with_native():
-    """Save and fork while bricks fly and lie: all goes on as in a run without."""
-    saved, never = busy(0.3, 'native'), busy(0.3, 'native')
-    saved.save()
-    fork = saved.fork()
-    for run in (saved, never, fork):
-        run.step(15)
-    assert_same(saved, never)
-    assert_same(fork, never)
-
-
 def test_a_reset_begins_anew_and_repeats_the_run():
     """Find the scene as it was built after a reset, and then all as it was, to the bit."""
     simulation, first = busy(), busy()
@@ -400,16 +389,6 @@ def test_a_world_that_was_rebuilt_goes_on_as_its_copy(engine):
                 each.thaw(np.flatnonzero(each.bodies.state == BodyState.FIXED))
                 run(each, 20)
             assert_same_world(world, copy)
-
-
-@_ENGINES
-def test_saving_changes_nothing(engine):
-    """Save in between: what follows is the same as without."""
-    with busy_world(engine) as saved, busy_world(engine) as other:
-        saved.save_state()
-        run(saved, 30)
-        run(other, 30)
-        assert_same_world(saved, other)
 
 
 def test_an_engine_that_can_be_saved_goes_on_as_if_it_had_never_been():

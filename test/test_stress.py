@@ -25,9 +25,7 @@ from scipy.sparse.linalg import spsolve
 from procphys_ros.blueprint import Blueprint, chain
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.masonry import BondGraph, StressSolver
-from procphys_ros.physics.masonry.coarse_matrix import CoarseMatrix
 from procphys_ros.physics.masonry.factor import Factor, solve
-from procphys_ros.physics.masonry.links import add_pulls
 from procphys_ros.wallgrammar import WallGrammar
 
 G = 9.81  # [m/s²]
@@ -474,37 +472,6 @@ def test_it_solves_as_scipy_does(count, density):
     found = solved_for(factored(system), load)
     wanted = spsolve(system.tocsc(), load.ravel()).reshape(-1, 6)
     np.testing.assert_allclose(found, wanted, atol=1e-4 * np.abs(wanted).max())
-
-
-def test_few_columns_have_to_do_with_few_unknowns():
-    """Solve for some unknowns of a chain as with all columns, where nothing else is loaded."""
-    chain = np.diag(np.full(60, 4.0)) - np.eye(60, k=1) - np.eye(60, k=-1)
-    factor = factored(bsr_matrix(np.kron(chain, np.eye(6)), blocksize=(6, 6)))
-    columns, start = factor.reached(np.array([30, 31, 7]), np.array([0, 2, 3]))
-    for begin, end, unknowns in zip(start, start[1:], ([30, 31], [7])):
-        load = np.zeros((60, 6))
-        load[unknowns] = 1.0
-        own = columns[begin:end]
-        assert len(own) < 40 and np.all(np.diff(own) > 0)
-        np.testing.assert_allclose(solved_for(factor, load, own)[unknowns],
-                                   solved_for(factor, load)[unknowns], rtol=1e-12)
-
-
-def test_the_coarse_matrix_does_the_work_of_the_bonds():
-    """Let PᵀKP of rigid motions be what the bonds between the aggregates resist."""
-    graph = BondGraph(wall(15, 20))
-    owner = np.append(np.arange(graph.count) // 12, -1)
-    middle = np.add.reduceat(graph.centre, np.arange(0, graph.count, 12)) / 12.0
-    matrix = CoarseMatrix(graph, np.flatnonzero(graph.alive), owner, middle)
-    motion = np.random.default_rng(5).normal(size=(len(middle), 6))
-    parts = np.zeros((graph.count + 1, 6))
-    parts[:-1] = motion[owner[:-1]]
-    parts[:-1, :3] += np.cross(parts[:-1, 3:], graph.centre - middle[owner[:-1]])
-    force = np.zeros_like(parts)
-    add_pulls(np.arange(len(graph)), graph.links, graph.first, graph.second, parts, force, -1.0)
-    dense = bsr_matrix((matrix.blocks, matrix.column, matrix.start)).toarray()
-    work = motion.ravel() @ dense @ motion.ravel()
-    assert work == pytest.approx((force[:-1] * parts[:-1]).sum(), rel=1e-9)
 
 
 WALLS = sorted((Path(__file__).parents[1] / 'grammars').glob('*.wall'))

@@ -160,19 +160,6 @@ def test_size_is_that_of_the_species(name, seed):
 
 
 @_TREES
-@pytest.mark.parametrize('seed', _SEEDS)
-def test_every_segment_weighs_and_hangs_on_the_ground(name, seed):
-    """Follow every segment down to the ground, and find mass and inertia in each."""
-    tree = _build(name, seed)
-    assert (tree.mass > 0.0).all() and (tree.inertia > 0.0).all()
-    parent, child = tree.bonds.T
-    assert np.array_equal(np.sort(child), np.arange(len(tree)))
-    assert (parent < child).all()  # with the ground at -1, no chain can end elsewhere
-    roots = tree.bond_frame[parent == GROUND]
-    assert len(roots) >= 1 and (np.abs(roots[:, 2]) < 0.05).all()
-
-
-@_TREES
 def test_wood_carries_its_own_weight(name):
     """Keep the stress under own weight below a third of what wood of the species bears."""
     # So does the median of nine trees; of 32 oaks, the most loaded species, single ones reach 0.87

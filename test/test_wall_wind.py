@@ -97,7 +97,7 @@ def test_wind_that_drops_while_a_wall_falls_presses_no_more():
 
 @pytest.mark.parametrize('name', SHIPPED)
 def test_buildings_stand_a_gale_unbroken(name):
-    """Blow at 20 m/s from a side and from a corner: walls and roofs feel it, and no bond breaks."""
+    """Blow at 20 m/s from a side and from a corner: all feel it, and no bond breaks."""
     simulation = _blow(name)
     calm = simulation.state.solver.utilisation()[0].max()
     strained = [_let_answer(simulation, GALE * np.array(way)) for way in WAYS]
@@ -123,19 +123,6 @@ def test_a_bridge_of_stone_takes_no_notice_of_a_gale():
     strained = _let_answer(simulation, (0.0, GALE))
     assert masonry.is_stable(simulation.state) and simulation.bonds_broken == 0
     assert abs(strained / calm - 1.0) < 0.1
-
-
-def test_an_arcade_one_brick_thick_stands_a_breeze_and_breaks_in_a_gale():
-    """Compare with the bending at the foot of its piers."""
-    # At 25 m/s it is 1.3 · 380 Pa · 23 m² · 2.7 m over four piers of 0.9 × 0.215 m, 1.1 MPa; their
-    # load of 0.12 MPa and the tension of the mortar, 0.1 MPa, bear a fifth of that, 11 m/s.
-    simulation = _blow('arcade')
-    _let_answer(simulation, (0.0, 8.0))
-    assert masonry.is_stable(simulation.state) and simulation.bonds_broken == 0
-    simulation.set_wind((0.0, 14.0, 0.0))
-    while not simulation.bonds_broken and simulation.time < 20.0:
-        simulation.step(5)
-    assert simulation.bonds_broken > 0
 
 
 def test_a_hurricane_breaks_the_cottage():

@@ -30,7 +30,6 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.masonry.contact_forces import BodyContacts, spread
 from procphys_ros.physics.world import (
     BodyState,
-    expand,
     installed_engines,
     Pieces,
     rigid_sum,
@@ -127,27 +126,6 @@ def test_rigid_sum_of_a_cut_box_is_the_box():
     want = box_inertia(np.array([12.0]), size[None])[0]
     np.testing.assert_allclose(np.sort(total.inertia), np.sort(want), rtol=1e-12)
     np.testing.assert_allclose(total.pose[:3], [1, 2, 3], atol=1e-12)
-
-
-def test_split_keeps_momentum_and_energy():
-    """Expect for each half of a spinning fragment its velocity as a part of the whole."""
-    rng = np.random.default_rng(2)
-    mass, inertia, poses, _ = random_parts(rng, 40)
-    whole = rigid_sum(mass, inertia, poses)
-    motion = rng.normal(size=(1, 6))
-    out_poses, out_velocities = np.zeros((40, 7)), np.zeros((40, 6))
-    expand(whole.pose[None], motion, np.zeros(40, np.intp), whole.local_poses,
-           np.arange(40), out_poses, out_velocities)
-    np.testing.assert_allclose(out_poses[:, :3], poses[:, :3], atol=1e-12)
-    halves = [rigid_sum(mass[rows], inertia[rows], out_poses[rows], out_velocities[rows])
-              for rows in (slice(0, 15), slice(15, 40))]
-    got = momentum(np.array([h.mass for h in halves]), np.stack([h.inertia for h in halves]),
-                   np.stack([h.pose for h in halves]), np.stack([h.velocity for h in halves]))
-    want = momentum(np.array([whole.mass]), whole.inertia[None], whole.pose[None], motion)
-    np.testing.assert_allclose(got[0], want[0], rtol=1e-12)
-    np.testing.assert_allclose(got[1], want[1], rtol=1e-10)
-    for half in halves:
-        np.testing.assert_allclose(half.velocity[3:], motion[0, 3:], rtol=1e-10)
 
 
 @engines
