@@ -192,20 +192,20 @@ def check_options(name: str, arguments: list[str], capsys) -> None:
             assert re.search(rf'{re.escape(word)}\b', told), f'{name} has no {word}'
 
 
-@pytest.mark.parametrize('page', PAGES)
-def test_files_and_tests_that_are_named_exist(page):
+def test_files_and_tests_that_are_named_exist():
     """Find every test, module and shipped file that stands in backquotes."""
     inside = {path.name for path in (ROOT / 'procphys_ros').iterdir() if path.is_dir()}
     outside = {'procphys_ros', 'test', 'bench', 'config', 'grammars', 'docs', 'scripts'}
-    text = re.sub(r'^```.*?^```', '', PAGES[page], flags=re.DOTALL | re.MULTILINE)
-    for token in re.findall(r'`([^`\s]+)`', text):
+    tokens = [(page, token) for page, text in PAGES.items() for token in re.findall(
+        r'`([^`\s]+)`', re.sub(r'^```.*?^```', '', text, flags=re.DOTALL | re.MULTILINE))]
+    for page, token in tokens:
         for name in re.findall(r'\btest_\w*[a-z]\b', token):
-            assert name in TESTS, name
+            assert name in TESTS, (page, name)
         folder = token.partition('/')[0]
         if '/' in token and folder in inside | outside:
             place = re.sub(r'[<{].*', '', token).rstrip('/')  # a choice of files begins alike
             base = ROOT if folder in outside else ROOT / 'procphys_ros'
-            assert [*base.glob(f'{place}*')], token
+            assert [*base.glob(f'{place}*')], (page, token)
 
 
 PAGE = Path(__file__).resolve().parents[1] / 'docs' / 'step.md'

@@ -52,8 +52,7 @@ def tell():
 for run in SCENES.values():
     run()
 tell()
-for name in ('demo', 'wrecking_ball', 'dry_stone', 'ivy_on_wall', 'palms_in_a_gust',
-             'mechanisms'):
+for name in ('demo', 'dry_stone', 'ivy_on_wall', 'mechanisms'):
     simulation = Simulation(Scene.from_yaml(shared_folder() / 'config' / f'{name}.yaml'))
     simulation.step(20)
     simulation.explode(tuple(simulation.blueprint.poses[0, :3] + (0.0, 1.0, 1.0)), 3.0)
