@@ -175,10 +175,10 @@ def decorated(node: ast.AST) -> bool:
 def faults(path: Path) -> Iterator[str]:
     """List what a module does that processors do differently."""
     tree = ast.parse(path.read_text('utf-8'))
-    in_kernels = {id(inner) for node in ast.walk(tree) if decorated(node)
-                  for inner in ast.walk(node)}
+    nodes = list(ast.walk(tree))
+    in_kernels = {id(inner) for node in nodes if decorated(node) for inner in ast.walk(node)}
     name = str(path.relative_to(PACKAGE))
-    for node in ast.walk(tree):
+    for node in nodes:
         what = _fault(node, id(node) in in_kernels)
         if what and (name, what) not in ALLOWED:
             yield f'{name}:{node.lineno}: {what}'
