@@ -320,7 +320,7 @@ def test_plants_grow_among_what_they_would_have_grown_among():
 
 def test_a_crowded_wood_thins_itself():
     """Lose trees in the shade of the others, which grow on, without a broken branch."""
-    simulation = planted(2, count=20, layout='scatter', spacing=0.9, defines=[
+    simulation = planted(2, count=14, layout='scatter', spacing=0.9, defines=[
         'shoot=1.0', 'least=0.55', 'leaf=0.35', 'vigour=0.7', 'dark=0.35'])
     first = len(simulation.objects)
     simulation.grow('tree', rate=6.0, years=12)

@@ -16,7 +16,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-import time
 
 import numpy as np
 import pytest
@@ -526,9 +525,9 @@ def test_wood_and_roots_are_those_of_the_defines(tmp_path):
     assert set(tree.hinges.strength) == {3e7} and set(tree.hinges.preload) == {0.5}
 
 
-def test_large_files_are_bounded_and_read_fast(tmp_path, monkeypatch):
-    """Read 100,000 cylinders within some seconds; refuse more rows or bytes than allowed."""
-    count, rng = 100_000, np.random.default_rng(1)
+def test_large_files_are_bounded(tmp_path, monkeypatch):
+    """Read 10,000 cylinders; refuse more rows or bytes than allowed."""
+    count, rng = 10_000, np.random.default_rng(1)
     parent = np.maximum(np.arange(count) - rng.integers(1, 40, count), -1)
     parent[1:] = np.maximum(parent[1:], 0)
     start, end = np.zeros((count, 3)), np.zeros((count, 3))
@@ -540,14 +539,12 @@ def test_large_files_are_bounded_and_read_fast(tmp_path, monkeypatch):
     rows = (f'{i},{above},{a},{b},{c},{d},{e},{f},0.01' for i, above, (a, b, c), (d, e, f) in
             zip(range(count), parent.tolist(), start.tolist(), end.tolist()))
     path.write_text(_HEAD + '\n'.join(rows))
-    began = time.process_time()
     assert len(ScannedTree.load(path).build()) == count
-    assert time.process_time() - began < 6.0  # 2 s where nothing else runs
-    monkeypatch.setattr(scan_file, 'MAX_CYLINDERS', 99_999)
-    with pytest.raises(GrammarError, match='there are 100000 cylinders, at most 99999 are read'):
+    monkeypatch.setattr(scan_file, 'MAX_CYLINDERS', 9_999)
+    with pytest.raises(GrammarError, match='there are 10000 cylinders, at most 9999 are read'):
         ScannedTree.load(path)
-    monkeypatch.setattr(scan_file, '_LARGEST_FILE', 1_000_000)
-    with pytest.raises(GrammarError, match='the file has more than 1000000 bytes'):
+    monkeypatch.setattr(scan_file, '_LARGEST_FILE', 100_000)
+    with pytest.raises(GrammarError, match='the file has more than 100000 bytes'):
         ScannedTree.load(path)
 
 

@@ -65,7 +65,7 @@ def resealed(data, old, new):
     return put_together(text.replace(old, new), rest)
 
 
-def busy(seconds=0.5, engine='auto', seed=3):
+def busy(seconds=0.4, engine='auto', seed=3):
     """Simulate a wall and two trees in a storm while balls fly and a charge has gone off."""
     scene = Scene(Settings(seed=seed, engine=engine))
     scene.add(wall(8, 10), (0.0, 0.0, 0.0), 0.0, 'wall')
@@ -108,7 +108,7 @@ def test_snapshots_and_forks_go_the_same_way_until_they_are_told_otherwise():
     same, struck, other = simulation.fork(), simulation.fork(), busy(0.0)
     struck.apply_impulse('tree_0/5', (30.0, 0.0, 0.0))
     other.restore(data)
-    assert other.time == pytest.approx(0.5)
+    assert other.time == pytest.approx(0.4)
     for run in (simulation, same, struck, other):
         run.step(15)
     assert_same(simulation, same)
@@ -134,7 +134,7 @@ def test_a_reset_begins_anew_and_repeats_the_run():
     np.testing.assert_allclose(simulation.poses, simulation.blueprint.poses, atol=1e-9)
     simulation.reset()
     np.testing.assert_array_equal(simulation.poses, simulation.blueprint.poses)
-    assert_same(stirred(simulation, 0.5), first)
+    assert_same(stirred(simulation, 0.4), first)
     assert simulation.state.carrier.max() == bodies
     assert not np.array_equal(busy(0.1, seed=4).poses, busy(0.1).poses)
 
