@@ -13,7 +13,7 @@
 # limitations under the License.
 """Explosions and timed charges: waves on walls, panes and trees, and what they bring down."""
 
-from masonry_walls import bonded, building, wall, wall_boxes
+from masonry_walls import bonded, braced, building, wall, wall_boxes
 import numpy as np
 from numpy.testing import assert_allclose
 import pytest
@@ -281,6 +281,23 @@ def flying(simulation):
     rows = list(simulation.state.bodies.members)
     bodies = simulation.state.world.bodies
     return bodies.mass[rows] @ bodies.velocities[rows, :3]
+
+
+def test_a_blast_tears_the_same_out_of_a_wall_that_is_turned():
+    """Compare walls along x, y, and between: those out of line came out in smaller pieces."""
+    seen = []
+    for turn in (0.0, 0.5 * np.pi, np.radians(30.0)):
+        scene = Scene.from_parameters({'scene': {'objects': []}})
+        scene.add(braced(16, 32, 1.5e6), (0.0, 0.0, 0.0), turn, 'wall')
+        simulation = Simulation(scene)
+        c, s = np.cos(turn), np.sin(turn)
+        simulation.explode((1.8 * c + 4.0 * s, 1.8 * s - 4.0 * c, 1.2), 4.5)
+        simulation.step(2)
+        events = simulation.events
+        seen.append(np.sort(events['bond'][events['cause'] == Cause.BLAST]))
+    assert len(seen[0]) > 600
+    for other in seen[1:]:
+        np.testing.assert_array_equal(other, seen[0])
 
 
 def random_case(seed):
