@@ -177,9 +177,8 @@ def test_round_pieces_keep_the_distance_of_their_axes():
     assert seen > 15
 
 
-@pytest.mark.parametrize('count', [4, 8])
 @pytest.mark.parametrize(('share', 'stands'), [(0.95, True), (1.03, False)])
-def test_corbels_stand_up_to_their_limit(count, share, stands):
+def test_corbels_stand_up_to_their_limit(share, stands, count=6):
     """Lay each brick over the one below by L / 2n, times a share."""
     reach = [0.0]
     for n in range(1, count + 1):
@@ -191,12 +190,12 @@ def test_corbels_stand_up_to_their_limit(count, share, stands):
 
 
 def test_slabs_lie_on_loose_posts():
-    """Lay a slab on 49 posts of loose bricks, 15,000 times as heavy as one: it stays."""
+    """Lay a slab on 25 posts of loose bricks, 15,000 times as heavy as one: it stays."""
     mass, height = 40e3, 4
     places = [(0.5 * i, 0.5 * j, BRICK[2] * (k + 0.5))
-              for i in range(7) for j in range(7) for k in range(height)]
+              for i in range(5) for j in range(5) for k in range(height)]
     sizes = [BRICK] * len(places) + [[4.0, 4.0, 0.2]]
-    places.append((1.5, 1.5, BRICK[2] * height + 0.1))
+    places.append((1.0, 1.0, BRICK[2] * height + 0.1))
     table, ids, engine = bodies(places, sizes, [2.6] * (len(places) - 1) + [mass])
     run(engine, 1.0)
     assert np.abs(table.poses[ids, :3] - places).max() < 5e-4  # 0.04 mm

@@ -230,9 +230,10 @@ def ridged(kind, height):
 
 
 @pytest.mark.parametrize('engine', installed_engines())
-@pytest.mark.parametrize('kind', ['ridge', 'diagonal', 'peak'])
-@pytest.mark.parametrize(('shape', 'size'), [
-    (Shape.BOX, [4.0, 0.2, 0.2]), (Shape.BOX, [3.0, 3.0, 0.2]), (Shape.CAPSULE, [0.2, 0.2, 4.0])])
+@pytest.mark.parametrize(('kind', 'shape', 'size'), [
+    ('ridge', Shape.BOX, [4.0, 0.2, 0.2]), ('diagonal', Shape.BOX, [3.0, 3.0, 0.2]),
+    ('peak', Shape.BOX, [3.0, 3.0, 0.2]), ('peak', Shape.CAPSULE, [0.2, 0.2, 4.0]),
+    ('diagonal', Shape.CAPSULE, [0.2, 0.2, 4.0])])
 def test_what_bridges_uneven_ground_lies_on_it(engine, kind, shape, size):
     """Lay a beam, a slab and a pole over what stands up between their corners."""
     turn = rotation.from_axis_angle(np.array([0.0, 0.0, 1.0]),
@@ -715,7 +716,7 @@ def hack_exponent(heights):
     return float(np.polyfit(*np.transpose(points), 1)[0])
 
 
-@pytest.mark.parametrize('seed', range(32))
+@pytest.mark.parametrize('seed', range(16))
 def test_soil_is_conserved_and_no_slope_is_too_steep(seed):
     """Find on any ground what was there, less what streams took away; nothing gets steeper."""
     before, edge = drawn_ground(seed)

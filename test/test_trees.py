@@ -151,7 +151,7 @@ def test_frequency_is_that_of_the_spring(frequency: float, tolerance: float, mea
              frequency, 'Hz', rtol=tolerance)
 
 
-@pytest.mark.parametrize('frequency, segments', [(1.0, 1), (0.3, 10), (2.0, 10)])
+@pytest.mark.parametrize('frequency, segments', [(1.0, 1), (2.0, 10)])
 def test_undamped_sway_goes_on(frequency: float, segments: int):
     """Expect 95 % of the energy after 30 s, of one joint and of a whole pole, with weight."""
     if segments == 1:
