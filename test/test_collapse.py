@@ -16,7 +16,6 @@
 
 from dataclasses import replace
 
-from envelopes import energy
 from masonry_walls import bonded, wall
 import numpy as np
 import pytest
@@ -73,16 +72,6 @@ def test_a_piece_breaks_in_a_high_fall_but_not_in_a_low_one():
     assert fall(tilted(piece, 0.02), 0.005, 1.0).bonds_broken == 0
     for height in (2.9, 3.1):
         assert fall(tilted(piece, 0.1), height, 1.0).bonds_broken > 10
-
-
-@pytest.fixture(scope='module')
-def fallen():
-    """Drop a wall from 2 m and let it come to rest; return it and its energy after each step."""
-    simulation, energies = fall(tilted(wall(6, 10, ground=False)), 2.0, 0.0), []
-    while simulation.awake_bodies and simulation.time < 8.0:
-        simulation.step()
-        energies.append(energy(simulation))
-    return simulation, np.array(energies)
 
 
 def test_a_split_keeps_momentum_and_every_part_its_velocity():
@@ -190,9 +179,9 @@ def test_weak_joints_of_a_branch_pass_the_screen_of_blows():
     assert len(free.strike(np.arange(len(branch)), wrenches, len(branch)).bonds)
 
 
-def test_every_broken_bond_is_told_once(fallen):
+def test_every_broken_bond_is_told_once():
     """Compare the events of a fall with the bonds that are gone."""
-    simulation, _ = fallen
+    simulation = fall(tilted(wall(6, 10, ground=False)), 2.0, 1.0)
     events = simulation.events
     gone = np.flatnonzero(~simulation.state.loose_bonds.graph.alive)
     assert len(gone) > 10
