@@ -14,7 +14,10 @@
 
 """Mechanism tree: parts of mechanisms as nested bodies; joints that close loops are apart."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
+import logging
+from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +26,8 @@ from procphys_ros.elementary import atan2
 from procphys_ros.export.content import Content
 from procphys_ros.geometry import rotation
 
+_LOG = logging.getLogger(__name__)
+_LISTED = 5  # names in a warning
 _AXIS = np.array([1.0, 0.0, 0.0])
 
 
@@ -69,6 +74,22 @@ def mechanism_tree(content: Content) -> MechanismTree:
     bases = _bases(content)
     return MechanismTree(parts, used, np.setdiff1d(alive, used), seats, bases,
                          _values(content, seats, bases))
+
+
+def tell_left_out(content: Content, loops: np.ndarray, path: Path,
+                  kinds: Collection[int] = tuple(JointType)) -> None:
+    """
+    Warn of the joints that close loops and are not written.
+
+    :param loops: joints that are in no tree.
+    :param kinds: those that the format does not know in loops.
+    """
+    names = [content.joint_names[joint] for joint in loops.tolist()
+             if content.blueprint.joints.kind[joint] in kinds]
+    if names:
+        more = f' and {len(names) - _LISTED} more' if len(names) > _LISTED else ''
+        _LOG.warning('%s: joints that close loops are left out: %s%s', path,
+                     ', '.join(names[:_LISTED]), more)
 
 
 def _bases(content: Content) -> np.ndarray:

@@ -28,7 +28,7 @@ from procphys_ros.blueprint import GROUND, JointType, Law, Shape
 from procphys_ros.export.articulation import articulate, Articulation, CLAMPED, LOOSE
 from procphys_ros.export.content import Content, Report
 from procphys_ros.export.markup import child, text, write
-from procphys_ros.export.mechanism_tree import mechanism_tree, MechanismTree
+from procphys_ros.export.mechanism_tree import mechanism_tree, MechanismTree, tell_left_out
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
@@ -78,6 +78,7 @@ def write_mjcf(content: Content, path: Path, report: Report) -> None:
     equality = child(root, 'equality')
     _welds(content, equality)
     _close(content, machine, equality, contact)
+    tell_left_out(content, machine.loops, path, (JointType.SLIDER, JointType.ROPE))
     _motors(content, machine, root)
     write(root, path, _NOTE)
 

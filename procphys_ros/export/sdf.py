@@ -12,18 +12,35 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""SDF: a scene as a Gazebo world; trees are chains of sprung joints, everything else is static."""
+"""
+SDF: a scene as a Gazebo world; trees are chains of sprung joints, mechanisms have their joints.
 
+Everything else is static.
+"""
+
+from dataclasses import replace
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
 from procphys_ros.appearance.palette import rgba
+from procphys_ros.blueprint import JointType
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
-from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
+from procphys_ros.export.links import (
+    Link,
+    loop_links,
+    mechanism_links,
+    meshes,
+    solid,
+    SPRUNG,
+    static_parts,
+    tree_links,
+    WORLD,
+)
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
+from procphys_ros.export.mechanism_tree import mechanism_tree, tell_left_out
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import Terrain
 
@@ -49,15 +66,23 @@ def write_sdf(content: Content, path: Path, report: Report) -> None:
     _ground(world, content.terrain, path)
     models: dict[str, ElementTree.Element] = {}
     taken = {WORLD, 'ground'}
-    links = list(tree_links(content, joints))
+    machine = mechanism_tree(content)
+    tell_left_out(content, machine.loops, path, (JointType.ROPE,))
+    links = [*tree_links(content, joints), *mechanism_links(content, machine)]
+    frames = {link.name: link.frame for link in links}
     for done, link in enumerate(links, 1):
         if link.owner not in models:
-            models[link.owner] = _tree_model(_new(link.owner, taken), world)
+            models[link.owner] = child(world, 'model', name=_new(link.owner, taken))
         _link(content, link, models[link.owner])
-        _joint(link, models[link.owner])
         report(done, len(links))
+    names = {_BASE, *frames}  # links and joints of a model have different ones
+    for link in (*links, *loop_links(content, machine)):
+        seat = rotation.relative(frames[link.name], link.frame)
+        joint = unlike(link.joint, names)
+        names.add(joint)
+        _joint(replace(link, joint=joint), seat, models[link.owner], world)
     files = meshes(content, path)
-    for name, parts in static_parts(content, joints):
+    for name, parts in static_parts(content, links):
         model = child(world, 'model',
                       name=_new(f'{name}_rigid' if name in models else name, taken))
         child(model, 'static', 'true')
@@ -101,30 +126,32 @@ def _hills(terrain: Terrain, path: Path) -> Path:
     return file
 
 
-def _tree_model(name: str, world: ElementTree.Element) -> ElementTree.Element:
+def _base(model: ElementTree.Element, world: ElementTree.Element) -> str:
     """
-    Begin a model whose base is fixed to the world.
+    Return the link of a model that is fixed to the world, made if there is none yet.
 
     The joint is in the world, because PyBullet has no joints to the world inside models.
     """
-    model = child(world, 'model', name=name)
-    inertial = child(child(model, 'link', name=_BASE), 'inertial')
-    child(inertial, 'mass', text(_BASE_MASS))
-    inertia = child(inertial, 'inertia')
-    for key in ('ixx', 'iyy', 'izz'):
-        child(inertia, key, text(_BASE_MASS))
-    anchor = child(world, 'joint', name=f'{name}_anchor', type_='fixed')
-    child(anchor, 'parent', WORLD)
-    child(anchor, 'child', f'{name}::{_BASE}')
-    return model
+    name = model.attrib['name']
+    if model[0].attrib['name'] != _BASE:  # roots come first
+        link = ElementTree.Element('link', name=_BASE)
+        model.insert(0, link)
+        inertial = child(link, 'inertial')
+        child(inertial, 'mass', text(_BASE_MASS))
+        inertia = child(inertial, 'inertia')
+        for key in ('ixx', 'iyy', 'izz'):
+            child(inertia, key, text(_BASE_MASS))
+        anchor = child(world, 'joint', name=f'{name}_anchor', type_='fixed')
+        child(anchor, 'parent', WORLD)
+        child(anchor, 'child', f'{name}::{_BASE}')
+    return _BASE
 
 
 def _link(content: Content, link: Link, model: ElementTree.Element) -> None:
     element = child(model, 'link', name=link.name)
     _pose(link.frame, element)
     inertial = child(element, 'inertial')
-    seat = np.concatenate([[0.0, 0.0, link.reach], rotation.IDENTITY])
-    _pose(seat, inertial)
+    _pose(link.seat, inertial)
     child(inertial, 'mass', text(link.mass))
     inertia = child(inertial, 'inertia')
     values = zip(('ixx', 'ixy', 'ixz', 'iyy', 'iyz', 'izz'),
@@ -132,25 +159,33 @@ def _link(content: Content, link: Link, model: ElementTree.Element) -> None:
     for key, value in values:
         child(inertia, key, text(value))
     if link.part >= 0:
-        _shape(content, link.part, seat, element)
+        _shape(content, link.part, link.seat, element)
 
 
-def _joint(link: Link, model: ElementTree.Element) -> None:
-    joint = child(model, 'joint', name=f'{link.name}_joint',
-                  type_='fixed' if link.axis is None else 'revolute')
-    child(joint, 'parent', _BASE if link.parent == WORLD else link.parent)
+def _joint(link: Link, seat: np.ndarray, model: ElementTree.Element,
+           world: ElementTree.Element) -> None:
+    """Write a joint at its pose in the frame of the link."""
+    if link.kind == 'floating':
+        return
+    joint = child(model, 'joint', name=link.joint,
+                  type_='revolute' if link.kind == 'continuous' else link.kind)
+    if seat[:3].any():
+        _pose(seat, joint)
+    child(joint, 'parent', _base(model, world) if link.parent == WORLD else link.parent)
     child(joint, 'child', link.name)
-    if link.axis is None:
+    if link.kind not in SPRUNG:
         return
     axis = child(joint, 'axis')
     child(axis, 'xyz', text(*link.axis))
     limit = child(axis, 'limit')
-    child(limit, 'lower', text(link.limits[0]))
-    child(limit, 'upper', text(link.limits[1]))
+    for key, value in (('lower', link.limits[0]), ('upper', link.limits[1]),
+                       ('effort', link.effort or np.inf), ('velocity', link.velocity)):
+        if np.isfinite(value):
+            child(limit, key, text(value))
     dynamics = child(axis, 'dynamics')
-    child(dynamics, 'damping', text(link.damping))
-    child(dynamics, 'spring_reference', text(link.rest))
-    child(dynamics, 'spring_stiffness', text(link.stiffness))
+    for key, value in (('damping', link.damping), ('friction', link.friction),
+                       ('spring_reference', link.rest), ('spring_stiffness', link.stiffness)):
+        child(dynamics, key, text(value))
 
 
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,

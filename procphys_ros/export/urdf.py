@@ -12,7 +12,11 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""URDF: a scene as one robot; trees are chains of revolute joints, everything else is fixed."""
+"""
+URDF: a scene as one robot; trees are chains of revolute joints, mechanisms have their joints.
+
+Everything else is fixed.
+"""
 
 from pathlib import Path
 import xml.etree.ElementTree as ElementTree
@@ -22,11 +26,22 @@ import numpy as np
 from procphys_ros.appearance.palette import rgba
 from procphys_ros.export.articulation import articulate
 from procphys_ros.export.content import Content, Report
-from procphys_ros.export.links import Link, meshes, solid, static_parts, tree_links, WORLD
+from procphys_ros.export.links import (
+    in_series,
+    Link,
+    mechanism_links,
+    meshes,
+    solid,
+    SPRUNG,
+    static_parts,
+    tree_links,
+    WORLD,
+)
 from procphys_ros.export.markup import child, roll_pitch_yaw, text, unlike, write
+from procphys_ros.export.mechanism_tree import mechanism_tree, tell_left_out
 from procphys_ros.geometry import rotation
 
-_UNLIMITED = 1e9  # [N·m], [rad/s]; URDF requires a bound
+_UNLIMITED = 1e9  # [N·m], [N], [rad], [m], [rad/s], [m/s]; URDF requires a bound
 _NOTE = ('Units: m, kg, s, rad. Joint angles are 0 at the moment of the export. Springs stand in '
          'the gazebo elements; they are preloaded by weight.')
 
@@ -45,59 +60,61 @@ def write_urdf(content: Content, path: Path, report: Report) -> None:
         child(child(robot, 'material', name=name), 'color', rgba=text(*rgba(name)))
     child(robot, 'link', name=WORLD)
     frames = {WORLD: rotation.ORIGIN}
-    links = list(tree_links(content, joints))
+    machine = mechanism_tree(content)
+    tell_left_out(content, machine.loops, path)
+    links = [*tree_links(content, joints),
+             *(part for link in mechanism_links(content, machine) for part in in_series(link))]
     for done, link in enumerate(links, 1):
         _link(content, link, robot)
         _joint(link, rotation.relative(frames[link.parent], link.frame), robot)
         frames[link.name] = link.frame
         report(done, len(links))
     files = meshes(content, path)
-    for name, parts in static_parts(content, joints):
+    for name, parts in static_parts(content, links):
         name = unlike(name, frames)
         frames[name] = rotation.ORIGIN
         element = child(robot, 'link', name=name)
         for part in parts.tolist():
             _shape(content, part, content.poses[part], element, files.get(part, ''))
-        _attach(name, rotation.ORIGIN, robot)
+        _begin_joint(f'{name}_joint', 'fixed', rotation.ORIGIN, (WORLD, name), robot)
     write(robot, path, _NOTE)
 
 
 def _link(content: Content, link: Link, robot: ElementTree.Element) -> None:
     element = child(robot, 'link', name=link.name)
     inertial = child(element, 'inertial')
-    seat = np.concatenate([[0.0, 0.0, link.reach], rotation.IDENTITY])
-    _origin(seat, inertial)
+    _origin(link.seat, inertial)
     child(inertial, 'mass', value=text(link.mass))
     child(inertial, 'inertia', ixy='0', ixz='0', iyz='0',
           **{key: text(value) for key, value in zip(('ixx', 'iyy', 'izz'), link.inertia)})
     if link.part >= 0:
-        _shape(content, link.part, seat, element)
+        _shape(content, link.part, link.seat, element)
 
 
 def _joint(link: Link, seat: np.ndarray, robot: ElementTree.Element) -> None:
-    if link.axis is None:
-        _attach(link.name, seat, robot, link.parent)
+    joint = _begin_joint(link.joint, link.kind, seat, (link.parent, link.name), robot)
+    if link.kind not in SPRUNG:
         return
-    name = f'{link.name}_joint'
-    joint = child(robot, 'joint', name=name, type_='revolute')
-    _origin(seat, joint)
-    child(joint, 'parent', link=link.parent)
-    child(joint, 'child', link=link.name)
     child(joint, 'axis', xyz=text(*link.axis))
-    child(joint, 'limit', lower=text(link.limits[0]), upper=text(link.limits[1]),
-          effort=text(_UNLIMITED), velocity=text(_UNLIMITED))
-    child(joint, 'dynamics', damping=text(link.damping), friction='0')
-    spring = child(robot, 'gazebo', reference=name)  # read by sdformat's URDF parser
-    child(spring, 'springStiffness', text(link.stiffness))
-    child(spring, 'springReference', text(link.rest))
+    low, high, effort, velocity = np.clip([*link.limits, link.effort, link.velocity], -_UNLIMITED,
+                                          _UNLIMITED)
+    bounds = {} if link.kind == 'continuous' else {'lower': text(low), 'upper': text(high)}
+    child(joint, 'limit', effort=text(effort), velocity=text(velocity), **bounds)
+    child(joint, 'dynamics', damping=text(link.damping), friction=text(link.friction))
+    if link.stiffness > 0.0:
+        spring = child(robot, 'gazebo', reference=link.joint)  # read by sdformat's URDF parser
+        child(spring, 'springStiffness', text(link.stiffness))
+        child(spring, 'springReference', text(link.rest))
 
 
-def _attach(name: str, seat: np.ndarray, robot: ElementTree.Element, parent: str = WORLD) -> None:
-    """Fix a link to its parent."""
-    joint = child(robot, 'joint', name=f'{name}_joint', type_='fixed')
+def _begin_joint(name: str, kind: str, seat: np.ndarray, ends: tuple[str, str],
+                 robot: ElementTree.Element) -> ElementTree.Element:
+    """Join two links, parent and child."""
+    joint = child(robot, 'joint', name=name, type_=kind)
     _origin(seat, joint)
-    child(joint, 'parent', link=parent)
-    child(joint, 'child', link=name)
+    child(joint, 'parent', link=ends[0])
+    child(joint, 'child', link=ends[1])
+    return joint
 
 
 def _shape(content: Content, part: int, pose: np.ndarray, link: ElementTree.Element,
