@@ -76,7 +76,7 @@ def test_joints_have_the_values_of_the_text():
         'kind': 2, 'low': -np.pi / 2, 'high': np.pi, 'stiffness': 5, 'rest': np.pi / 6,
         'damping': 2, 'friction': 3, 'speed': 2 * np.pi,
         'fastest': 4 * np.pi, 'effort': 40, 'force': 100, 'moment': 20,
-        'collides': True, 'name': 0})
+        'collides': True, 'name': 0, 'zero': 0})
     assert (joints.low[1], joints.high[1]) == (-0.5, 0.5)
     assert (joints.low[2], joints.high[2]) == (-np.inf, 3.0)
     assert np.isinf(joints.force[1:]).all() and np.isinf(joints.moment[1:]).all()

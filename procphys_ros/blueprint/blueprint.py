@@ -221,7 +221,7 @@ class Hexahedra(ColumnTable):
 
 
 @dataclass(frozen=True)
-class Joints(ColumnTable):
+class Joints(_FilledTable):
     """
     Joints between the loose parts of mechanisms, a row each; they are no bonds.
 
@@ -245,6 +245,7 @@ class Joints(ColumnTable):
     :ivar moment: that breaks the joint, about its point [N·m], (J,); inf = never.
     :ivar collides: whether the two parts collide, (J,) bool.
     :ivar name: index into `Blueprint.joint_names`, (J,) int32.
+    :ivar zero: what is told and commanded as the displacement at rest [m], [rad], (J,).
     """
 
     kind: np.ndarray = _column(np.uint8)
@@ -264,6 +265,7 @@ class Joints(ColumnTable):
     moment: np.ndarray = _column()
     collides: np.ndarray = _column(bool)
     name: np.ndarray = _column(np.int32)
+    zero: np.ndarray = _column(default=0.0)
 
 
 @dataclass(frozen=True)

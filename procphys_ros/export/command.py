@@ -86,7 +86,7 @@ def _parser() -> OneLineParser:
         'Write a scene as a file for other programs: USD (.usda, .usdc), MuJoCo (.xml), '
         'URDF (.urdf), Gazebo (.sdf), glTF (.glb); or a grammar of cpfg or L-Py as .lsys.'))
     parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
-                        'grammar (.lsys, .wall, .mech, .l, .lpy) or scanned tree (.csv, '
+                        'grammar (.lsys, .wall, .mech, .urdf, .l, .lpy) or scanned tree (.csv, '
                         '.mtg, .ply)')
     parser.add_argument('--out', required=True, type=Path,
                         help='file to write; its suffix chooses the format')

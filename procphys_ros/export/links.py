@@ -116,18 +116,20 @@ def solid(content: Content, part: int, mesh: str = '') -> tuple[str, dict[str, s
     """
     Return the shape of a part, 'mesh', 'box', 'sphere' or 'cylinder', and its sizes [m].
 
-    Tapered segments become cylinders of their middle diameter, along z.
+    Tapered segments become cylinders of their middle diameter, wheels flat ones, along z.
 
     :param mesh: its file, see `meshes`; '' = none.
     """
-    size = content.blueprint.visual_size[part]
+    size, width = content.blueprint.visual_size[part], content.blueprint.size[part, 0]
     if mesh:
         return 'mesh', {'filename': mesh}
     if content.blueprint.shape[part] == Shape.BOX:
         return 'box', {'size': text(*size)}
     if content.balls[part]:
-        return 'sphere', {'radius': text(0.5 * content.blueprint.size[part, 0])}
-    return 'cylinder', {'radius': text(0.25 * (size[0] + size[1])), 'length': text(size[2])}
+        return 'sphere', {'radius': text(0.5 * width)}
+    middle = 0.5 * (size[0] + size[1])  # of wheels their axle, which is drawn inside their skin
+    return 'cylinder', {'radius': text(0.5 * (middle if middle >= 0.5 * width else width)),
+                        'length': text(size[2])}
 
 
 def tree_links(content: Content, joints: Articulation) -> Iterator[Link]:

@@ -16,9 +16,10 @@
 Mechanism grammar: rules write parts and the joints between them.
 
 `parser` reads the text into a `spec`, `derivation` applies its rules, `assembly` makes a blueprint
-of what they write.
+of what they write. `urdf` reads robots from elsewhere, which `robot` writes as mechanisms.
 """
 
 from procphys_ros.mechanism.mechanism import MechanismGrammar
+from procphys_ros.mechanism.robot import RobotGrammar
 
-__all__ = ['MechanismGrammar']
+__all__ = ['MechanismGrammar', 'RobotGrammar']

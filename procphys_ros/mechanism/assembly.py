@@ -37,8 +37,9 @@ from procphys_ros.mechanism.derivation import WrittenJoint, WrittenPart
 from procphys_ros.wallgrammar.materials import Material, texture_numbers
 
 _USUAL = {'box': 'timber', 'plate': 'timber', 'rod': 'steel', 'ball': 'steel', 'wheel': 'timber'}
-_ACROSS = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # z of a wheel's part along its axle
+ACROSS = np.array([-np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # z of a wheel's part along its axle
 _CORE = 0.55  # of a ball's diameter, edge of the box drawn inside its round skin
+_HIDDEN = 1e-3  # of a part's extents, those of the box drawn inside its own skin
 _AXLE = 0.3  # of a wheel's diameter, that of the axle drawn inside its skin
 _SIDES = 24  # of the skin of a wheel
 
@@ -63,9 +64,10 @@ def assemble(parts: Sequence[WrittenPart], joints: Sequence[WrittenJoint],
     wheels = [i for i, part in enumerate(parts) if part.kind == 'wheel']
     balls = [i for i, part in enumerate(parts) if part.kind == 'ball']
     poses = np.array([part.pose for part in parts])
-    poses[wheels, 3:] = rotation.multiply(poses[wheels, 3:], _ACROSS)
+    poses[wheels, 3:] = rotation.multiply(poses[wheels, 3:], ACROSS)
     sizes[wheels, 2] = np.maximum(sizes[wheels, 0], sizes[wheels, 2])
     drawn[balls] *= _CORE
+    drawn[[i for i, part in enumerate(parts) if part.skin is not None]] *= _HIDDEN
     drawn[wheels, :2] *= _AXLE
     material = np.array([names.index(usual_material(part)) for part in parts], np.int16)
     table, joint_names = _joints(joints)
@@ -109,14 +111,18 @@ def _weights(parts: Sequence[WrittenPart], sizes: np.ndarray,
     inertia = box_inertia(mass, sizes)
     inertia[round_] = cylinder_inertia(mass[round_], sizes[round_, 0], sizes[round_, 2])
     inertia[ball] = (0.1 * mass[ball] * np.square(sizes[ball, 0]))[:, None]
+    for i, part in enumerate(parts):
+        inertia[i] = inertia[i] if part.inertia is None else part.inertia
     return mass / volume, mass, inertia
 
 
 def _skins(parts: Sequence[WrittenPart], sizes: np.ndarray, texture: np.ndarray) -> Ornaments:
-    """Cover balls and wheels by triangles, as blueprints have neither."""
+    """Cover balls and wheels by triangles, as blueprints have neither; parts by their skins."""
     part, triangles = [np.zeros(0, np.int32)], [np.zeros((0, 9))]
     for i, written in enumerate(parts):
-        if written.kind == 'ball':
+        if written.skin is not None:
+            triangles.append(written.skin)
+        elif written.kind == 'ball':
             triangles.append(0.5 * sizes[i, 0] * round_skin())
         elif written.kind == 'wheel':
             triangles.append(_drum(0.5 * sizes[i, 0], 0.5 * written.numbers['width'][0]))
@@ -178,9 +184,10 @@ def _row(joint: WrittenJoint) -> dict[str, float | bool]:
         low, high = -np.inf, numbers.get('length', (span,))[0]
     stiffness, rest = (*numbers.get('spring', (0.0,)), 0.0)[:2]
     speed, effort, fastest = (*numbers.get('motor', (0.0, 0.0)), np.inf)[:3]
+    zero = numbers.get('zero', (0.0,))[0]
     force, moment = (*numbers.get('strength', (np.inf,)), np.inf)[:2]
     return {'low': low * unit, 'high': high * unit, 'stiffness': stiffness, 'rest': rest * unit,
             'damping': numbers.get('damper', (0.0,))[0],
             'friction': numbers.get('friction', (0.0,))[0], 'speed': speed * unit,
             'fastest': fastest * unit, 'effort': effort, 'force': force, 'moment': moment,
-            'collides': numbers.get('collides', (0.0,))[0] != 0.0}
+            'zero': zero * unit, 'collides': numbers.get('collides', (0.0,))[0] != 0.0}

@@ -52,6 +52,8 @@ class WrittenPart(NamedTuple):
 
     :ivar pose: of its centre, in the mechanism [m], (7,).
     :ivar numbers: values of its keys, but for those of its place.
+    :ivar inertia: principal moments in its axes [kg·m²], (3,); None = of a solid.
+    :ivar skin: triangles that are drawn instead of it, in its axes [m], (T, 9); None = none.
     """
 
     kind: str
@@ -60,6 +62,8 @@ class WrittenPart(NamedTuple):
     numbers: Mapping[str, tuple[float, ...]]
     material: str
     place: Place
+    inertia: np.ndarray | None = None
+    skin: np.ndarray | None = None
 
 
 class WrittenJoint(NamedTuple):
@@ -275,7 +279,7 @@ class MechanismWriter:
             axis = np.array(numbers.get('at', tuple(centre))) - np.array(numbers['end'])
         elif norm(axis) < _STRAIGHT:
             raise joint.settings['axis'].place.error('the axis has no direction, all of it is 0')
-        turn = _turned(AXES[0], axis)
+        turn = turned(AXES[0], axis)
         place = np.array([*numbers.get('at', tuple(centre)), *turn])
         end = np.array(numbers.get('end', tuple(place[:3])))
         self._check(joint, numbers)
@@ -330,10 +334,10 @@ def _between(numbers: Mapping[str, tuple[float, ...]], rod: PartStatement) -> np
     if norm(last - first) < numbers['diameter'][0]:
         raise rod.settings['to'].place.error(f'a rod is at least as long as wide, this one is '
                                              f'{norm(last - first):g} m long')
-    return np.array([*(0.5 * (first + last)), *_turned(AXES[2], last - first)])
+    return np.array([*(0.5 * (first + last)), *turned(AXES[2], last - first)])
 
 
-def _turned(start: np.ndarray, way: np.ndarray) -> np.ndarray:
+def turned(start: np.ndarray, way: np.ndarray) -> np.ndarray:
     """Return the shortest rotation of a unit vector to a direction, (4,)."""
     length = norm(way)
     if length < _STRAIGHT:

@@ -158,7 +158,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(prog='render', description=(
         'Draw a scene as a picture, a series of pictures or a film, without a display.'))
     parser.add_argument('scene', help='scene file (.yaml), name of a shipped scene, or '
-                        'grammar (.lsys, .wall, .mech, .l, .lpy) or scanned tree (.csv, '
+                        'grammar (.lsys, .wall, .mech, .urdf, .l, .lpy) or scanned tree (.csv, '
                         '.mtg, .ply)')
     parser.add_argument('--out', required=True, type=Path,
                         help='what to write: picture.png (.jpg), film.mp4, loop.gif, '

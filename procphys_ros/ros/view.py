@@ -109,7 +109,7 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog='view', description='Show a scene on a page in the browser, until Ctrl-C.')
     parser.add_argument('scene', nargs='?', help='scene file (.yaml), name of a shipped scene, '
-                        'grammar (.lsys, .wall, .mech, .l, .lpy) or scanned tree (.csv, '
+                        'grammar (.lsys, .wall, .mech, .urdf, .l, .lpy) or scanned tree (.csv, '
                         '.mtg, .ply); none = what a running node publishes')
     parser.add_argument('--node', type=node, default='/sim',
                         help='the node to follow (default /sim)')

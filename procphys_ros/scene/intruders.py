@@ -22,9 +22,10 @@ import numpy as np
 from procphys_ros.blueprint import Shape
 from procphys_ros.errors import SceneError
 from procphys_ros.files.file_bounds import named_by
+from procphys_ros.language.mesh_file import read_mesh
 from procphys_ros.physics.world.pieces import Pieces, single
 from procphys_ros.scene.intruder import FASTEST_SAW
-from procphys_ros.scene.mesh import boxes_in, read_mesh
+from procphys_ros.scene.mesh import boxes_in
 from procphys_ros.schema import declared, NAME, ParameterGroup, short
 
 INTRUDER = 'intruder'  # the one that `intruder.*` describes

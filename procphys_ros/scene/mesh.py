@@ -13,51 +13,16 @@
 # limitations under the License.
 
 
-"""Meshes as solids: files of triangles, filled with collision boxes."""
-
-import os
-from pathlib import Path
-from typing import Any
+"""Meshes as solids: triangles, filled with collision boxes."""
 
 import numpy as np
 
 from procphys_ros.blueprint import Shape
-from procphys_ros.errors import SceneError
-from procphys_ros.files.file_bounds import outside
-from procphys_ros.files.resources import shipped_file
 from procphys_ros.geometry.linear import product
-from procphys_ros.language import shorten
 from procphys_ros.physics.world.pieces import merge_pieces, Pieces
 
 _CELLS = 16  # along the longest edge of a mesh
 _THINNEST = 1e-3  # [m] of a cell
-
-
-def read_mesh(name: str, key: str) -> np.ndarray:
-    """
-    Read a mesh file: STL, OBJ, PLY, OFF or GLB.
-
-    :param name: path, or package://procphys_ros/….
-    :param key: parameter that named the file, for error messages.
-    :returns: corners of its triangles [m], (T, 3, 3).
-    :raises SceneError: when it cannot be read, or the library that reads it is missing.
-    """
-    try:
-        import trimesh
-    except ImportError as error:
-        raise SceneError(f'{key}: meshes need the package trimesh: pip install trimesh') from error
-    path = shipped_file(name) or Path(os.path.expanduser(name))
-    if reason := outside(path):
-        raise SceneError(f'{key}: "{shorten(name)}" cannot be read: {reason}')
-    try:
-        mesh: Any = trimesh.load(path, force='mesh', process=False)
-        triangles = np.asarray(mesh.triangles, float)
-    except Exception as error:  # readers of formats raise anything on broken files
-        raise SceneError(f'{key}: "{shorten(name)}" cannot be read as a mesh: '
-                         f'{str(error) or type(error).__name__}') from error
-    if not len(triangles) or not np.isfinite(triangles).all():
-        raise SceneError(f'{key}: "{shorten(name)}" holds no triangles')
-    return triangles
 
 
 def boxes_in(triangles: np.ndarray) -> Pieces:

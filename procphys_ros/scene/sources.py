@@ -28,15 +28,16 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.maps import MAPS
 
 if TYPE_CHECKING:
-    from procphys_ros.mechanism import MechanismGrammar
+    from procphys_ros.mechanism import MechanismGrammar, RobotGrammar
     from procphys_ros.scans import ScannedTree
     from procphys_ros.wallgrammar import WallGrammar
 
-    Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar]
+    Language = type[LSystem] | type[WallGrammar] | type[MechanismGrammar] | type[
+        RobotGrammar]
 
-TREE_GRAMMAR, _WALL, _MECHANISM, PLAN = '.lsys', '.wall', '.mech', '.plan'
+TREE_GRAMMAR, _WALL, _MECHANISM, _ROBOT, PLAN = '.lsys', '.wall', '.mech', '.urdf', '.plan'
 SCANS = ('.csv', '.mtg', '.ply')  # of trees
-_LANGUAGES = (TREE_GRAMMAR, _WALL, _MECHANISM, *TRANSLATED)
+_LANGUAGES = (TREE_GRAMMAR, _WALL, _MECHANISM, _ROBOT, *TRANSLATED)
 GRAMMARS = (*_LANGUAGES, *SCANS)
 SITES = (PLAN, *MAPS)  # of many objects
 _WORDS = {'building': _WALL, 'mechanism': _MECHANISM}  # that begin texts of these languages
@@ -72,6 +73,9 @@ def _language_of(name: str, key: str,
     if path.suffix in SCANS:
         from procphys_ros.scans import ScannedTree
         return ScannedTree
+    if path.suffix == '.xacro':
+        raise SceneError(f'{key}: "{shorten(name)}" is not read: run "xacro FILE > robot.urdf" '
+                         'first, and name that')
     if path.suffix not in _LANGUAGES:
         raise SceneError(f'{key}: "{shorten(name)}" ends in "{path.suffix}"; grammars end in '
                          f'{", ".join(_LANGUAGES)}, scanned trees in {", ".join(SCANS)}')
@@ -82,6 +86,8 @@ def parse_grammar(text: str, key: str) -> Grammar:
     """
     Read a grammar given as text; `building` and `mechanism` lines tell it from an L-system.
 
+    A text that begins with "<" is a URDF.
+
     :param text: the grammar itself.
     :param key: parameter that holds the text; errors name it as their source.
     :raises GrammarError: when the text cannot be read.
@@ -90,17 +96,18 @@ def parse_grammar(text: str, key: str) -> Grammar:
     words = (line.split('#')[0].split() for line in text.splitlines())
     found = (_WORDS[word[0]] for word in words if word and word[0] in _WORDS)
     bare = text.removeprefix('\ufeff')  # the mark that editors of Windows put in front
+    xml = bare.lstrip().startswith('<')
     with named_by(key, text):
-        return _language(next(found, TREE_GRAMMAR)).parse(bare, source=key)
+        return _language(_ROBOT if xml else next(found, TREE_GRAMMAR)).parse(bare, source=key)
 
 
 def _language(suffix: str) -> 'Language':
     """Choose a language; all but the first take a tenth of all imports: only on demand."""
     if suffix == TREE_GRAMMAR or suffix in TRANSLATED:
         return LSystem
-    if suffix == _MECHANISM:
-        from procphys_ros.mechanism import MechanismGrammar
-        return MechanismGrammar
+    if suffix in (_MECHANISM, _ROBOT):
+        from procphys_ros.mechanism import MechanismGrammar, RobotGrammar
+        return RobotGrammar if suffix == _ROBOT else MechanismGrammar
     from procphys_ros.wallgrammar import WallGrammar
     return WallGrammar
 

@@ -378,7 +378,7 @@ def read_joints(model: Model, state: State) -> JointReadings:
     slip = (one[:, :3] + cross(one[:, 3:], point - world.poses(engine.first)[:, :3])
             - other[:, :3] - cross(other[:, 3:], point - world.poses(engine.second)[:, :3]))
     slip[turns] = one[turns, 3:] - other[turns, 3:]
-    position = engine.way.copy()
+    position = engine.way + joints.zero[rows]
     rope = engine.kind == JointType.ROPE
     position[rope] = norm(point[rope] - at[rope], axis=1)
     effort = np.where(turns[:, None], engine.moment, engine.force)
@@ -416,11 +416,12 @@ def command(model: Model, state: State, wish: DriveJoint) -> None:
     :raises CommandError: see `find`.
     """
     row, own = find(model, state, wish), state.mechanisms
-    most = model.blueprint.joints.effort[row]
+    joints = model.blueprint.joints
+    most = joints.effort[row]
     own.speed[row] = own.applied[row] = 0.0
     own.target[row], own.effort[row] = np.nan, most
     if wish.mode == 'position':
-        own.target[row] = wish.value
+        own.target[row] = wish.value - joints.zero[row]
     elif wish.mode == 'velocity':
         own.speed[row] = wish.value
     else:
