@@ -21,7 +21,7 @@ from functools import cached_property
 import numpy as np
 
 from procphys_ros.appearance.paving import Paving
-from procphys_ros.blueprint import Blueprint, GROUND
+from procphys_ros.blueprint import Blueprint, GROUND, Law
 from procphys_ros.geometry import rotation
 from procphys_ros.physics.terrain import FLAT, Terrain
 from procphys_ros.scene import Scene, SceneObject
@@ -116,10 +116,10 @@ class Content:
 
     @cached_property
     def joints_hold(self) -> np.ndarray:
-        """Mark the joints of mechanisms that hold existing parts, (J,) bool."""
+        """Mark the joints of mechanisms that hold existing parts, without ropes to trees, (J,)."""
         first, second = self.blueprint.joints.parts.T
-        there = np.append(self.exists, True)
-        out = there[first] & there[second]
+        there, wood = np.append(self.exists, True), self.blueprint.bond_law == Law.HINGE
+        out = there[first] & there[second] & ~np.isin(first, self.blueprint.bonds[wood, 1])
         out[np.asarray(self.torn, np.intp)] = False
         return out
 

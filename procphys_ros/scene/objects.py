@@ -53,6 +53,8 @@ class ObjectSpec(ParameterGroup):
         (0.0, 0.0, 0.0), 'where the layout is centred; z counts from the ground', 'm', -1e6, 1e6)
     on: str = declared(
         '', 'object, listed before it, that it stands on and is bonded to; z counts from its top')
+    tied_to: str = declared(
+        '', 'object, listed before it, to whose branches its ropes to the ground are tied instead')
     yaw: float = declared(
         0.0, 'turn of the whole layout about `origin`, and with it of every instance', 'rad',
         -1e3, 1e3)

@@ -50,6 +50,7 @@ from procphys_ros.scene.soundness import check_blueprint
 from procphys_ros.scene.sources import Grammar, load_grammar, locate, parse_grammar, PLAN, SITES
 from procphys_ros.scene.streets import lay_out, Lot
 from procphys_ros.scene.terrain import make_terrain
+from procphys_ros.scene.tying import tie
 from procphys_ros.scene.unused import check_given
 from procphys_ros.scene.wind_map import read_wind_map
 from procphys_ros.scene.wind_record import read_wind_record
@@ -138,6 +139,7 @@ class Scene:
         self.objects: list[SceneObject] = []
         self._blueprints: list[Blueprint] = []
         self._carriers: list[np.ndarray] = []  # by object and bond: the bearing part, -1 = none
+        self._hosts: list[np.ndarray] = []  # by object and joint: the branch it leads to, likewise
         self.paving: list[Paving] = []
         self.shard = Shard()
         self.plants: dict[str, ScenePlant] = {}
@@ -203,11 +205,16 @@ class Scene:
                 bonds = chained.bonds.copy()
                 bonds[carriers >= 0, 0] = carriers[carriers >= 0]
                 chained = replace(chained, bonds=bonds)
+            hosts = np.concatenate([np.zeros(0, np.intp), *self._hosts])
+            if (hosts >= 0).any():
+                parts = chained.joints.parts.copy()
+                parts[hosts >= 0, 0] = hosts[hosts >= 0]
+                chained = replace(chained, joints=replace(chained.joints, parts=parts))
             self._chained = chained
         return self._chained
 
     def add(self, blueprint: Blueprint, position: Sequence[float] = (0.0, 0.0, 0.0),
-            yaw: float = 0.0, name: str = '', on: str = '') -> SceneObject:
+            yaw: float = 0.0, name: str = '', on: str = '', tied_to: str = '') -> SceneObject:
         """
         Place a blueprint; buildings are bonded to the ground where they stand on it.
 
@@ -216,16 +223,17 @@ class Scene:
         :param yaw: turn about the vertical [rad].
         :param name: unique name, `object_<n>` when left out.
         :param on: object that it stands on and is bonded to, z counts from its top; '' = ground.
+        :param tied_to: object to whose branches its ropes to the ground are tied instead.
         :raises SceneError: when the name is invalid or taken, the place not finite or off the
             terrain, the blueprint wrong, when nothing of the object `on` is under it, or when
             memory cannot hold so many parts.
         """
         name = name or f'object_{len(self.objects)}'
         check_place(name, blueprint, position, yaw)
-        return self._place(blueprint, position, yaw, name, on)
+        return self._place(blueprint, position, yaw, name, on, tied_to)
 
     def _place(self, blueprint: Blueprint, position: Sequence[float], yaw: float, name: str,
-               on: str = '') -> SceneObject:
+               on: str = '', tied_to: str = '') -> SceneObject:
         """Place a blueprint whose numbers are sound, such as that of a grammar."""
         if name in self._names:
             raise SceneError(f'there are two objects called "{name}"')
@@ -237,6 +245,12 @@ class Scene:
         else:
             standing = stand_on(self.settings.terrain, unbonded(placed_at, position[2]), name)
             carriers = np.full(len(standing.bonds), -1)
+        hosts = np.full(len(standing.joints), -1)
+        if tied_to:
+            tree, base = self._known(tied_to, f'{name}.tied_to')
+            standing, hosts = tie(tree, standing, name, tied_to)
+            hosts[hosts >= 0] += base
+        self._hosts.append(hosts)
         placed = SceneObject(name, first, len(standing))
         self._blueprints.append(standing)
         self._carriers.append(carriers)
@@ -247,13 +261,18 @@ class Scene:
 
     def _bear(self, placed: Blueprint, name: str, on: str) -> tuple[Blueprint, np.ndarray]:
         """Place an object on another; return it and the bearing part of each bond, -1 = none."""
+        base, first = self._known(on, f'{name}.on')
+        standing, carriers = bear(base, placed, name, on)
+        return standing, np.where(carriers < 0, -1, first + carriers)
+
+    def _known(self, name: str, key: str) -> tuple[Blueprint, int]:
+        """Return an object that a parameter names, as placed, and its first part."""
         names = [known.name for known in self.objects]
-        if on not in names:
-            raise SceneError(f'{name}.on: there is no object "{on}" before it'
-                             f'{nearest_names(on, names)} (objects: {", ".join(names) or "none"})')
-        base = self.objects[names.index(on)]
-        standing, carriers = bear(self._blueprints[names.index(on)], placed, name, on)
-        return standing, np.where(carriers < 0, -1, base.first + carriers)
+        if name not in names:
+            shown = ', '.join(names) or 'none'
+            raise SceneError(f'{key}: there is no object "{name}" before it'
+                             f'{nearest_names(name, names)} (objects: {shown})')
+        return self._blueprints[names.index(name)], self.objects[names.index(name)].first
 
     def _add_objects(self, specs: Sequence[ObjectSpec], beside: Path | None) -> None:
         """
@@ -264,9 +283,10 @@ class Scene:
         """
         stand: list[_Sapling] = []
         for number, spec in enumerate(specs):
-            if spec.on and self.shard.count > 1:
-                raise SceneError(f'{spec.name}.on: objects that stand on others cannot be shared '
-                                 f'among nodes; leave shard.count at 1')
+            if (spec.on or spec.tied_to) and self.shard.count > 1:
+                raise SceneError(f'{spec.name}.{"on" if spec.on else "tied_to"}: objects that '
+                                 'hang on others cannot be shared among nodes; leave shard.count '
+                                 'at 1')
             if spec.rules and not spec.grammar.endswith(MAPS):
                 raise SceneError(f'{spec.name}.rules: only maps ({", ".join(MAPS)}) have rules')
             if spec.grammar.endswith(SITES):
@@ -307,7 +327,8 @@ class Scene:
             check_capacity(self._parts + max(grown, int(foreseen)), self._memory)
         check_capacity(self._parts + sum(len(built[i % variants]) for i in mine), self._memory)
         for i in mine:
-            self._place(built[i % variants], points[i], headings[i], names[i], spec.on)
+            self._place(built[i % variants], points[i], headings[i], names[i], spec.on,
+                        spec.tied_to)
             if seedlings and not spec.on:
                 self.plants[names[i]] = ScenePlant(
                     seedlings[i % variants], tuple(points[i].tolist()), float(headings[i]),
@@ -328,7 +349,8 @@ class Scene:
 
     def _saplings(self, spec: ObjectSpec, number: int, grammar: LSystem) -> list['_Sapling']:
         """Plant the instances of an object whose grammar asks where they stand."""
-        for key, given in (('on', spec.on), ('variants', spec.variants)):
+        for key, given in (('on', spec.on), ('tied_to', spec.tied_to),
+                           ('variants', spec.variants)):
             if given:
                 raise SceneError(f'{spec.name}.{key}: plants whose grammar asks where they stand '
                                  'grow on the ground, each on its own; leave it out')
@@ -369,8 +391,9 @@ class Scene:
     def _add_site(self, spec: ObjectSpec, number: int, beside: Path | None) -> None:
         """Build and place the houses and trees of a plan or a map, `<name>_house_0` and so on."""
         key = f'{spec.name}.grammar'
-        if spec.on:
-            raise SceneError(f'{spec.name}.on: houses and trees of a plan stand on the ground')
+        if spec.on or spec.tied_to:
+            raise SceneError(f'{spec.name}.{"on" if spec.on else "tied_to"}: the houses and trees '
+                             'of a plan stand on the ground')
         if spec.steps >= 0:
             raise SceneError(f'{spec.name}.steps: only L-systems are derived in steps')
         if spec.defines or spec.count:

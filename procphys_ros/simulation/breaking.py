@@ -142,6 +142,20 @@ def break_joints(model: Model, state: State, rows: np.ndarray, causes: np.ndarra
                      np.ones(len(rows)))
 
 
+def break_ties(model: Model, state: State, rows: np.ndarray, points: np.ndarray,
+               loads: np.ndarray) -> None:
+    """
+    Record ropes to branches that have broken, and forget them.
+
+    :param rows: of `Blueprint.joints`, (K,).
+    :param points: where [m], (K, 3).
+    :param loads: over their strengths, (K,).
+    """
+    state.mechanisms.joint[rows] = -1
+    state.log.record(state.time, points, np.full(len(rows), NO_BOND),
+                     model.blueprint.joints.parts[rows], np.full(len(rows), Cause.FORCE), loads)
+
+
 def cut_out(model: Model, state: State, parts: np.ndarray, cause: Cause | None,
             load: float | np.ndarray, piece: np.ndarray | None = None) -> None:
     """

@@ -43,6 +43,7 @@ from procphys_ros.simulation import (
     contact_pairs,
     masonry,
     sawing,
+    ties,
     trees,
 )
 from procphys_ros.simulation.blows import STILL
@@ -198,6 +199,7 @@ def step(model: Model, state: State, dt: float) -> None:
     (`contact_exclusions`), and so do those of different standing trees unless the scene enables
     their contact. Writes `state.contacts`, the momentum of trees and bodies, and loads on walls.
     """
+    ties.renew(model, state)
     state.contacts = _solve_all(model, state, dt)
     press_walls(model, state, dt)
 
@@ -208,14 +210,15 @@ def _solve_all(model: Model, state: State, dt: float) -> TreeContacts:
         return TreeContacts()
     gives_way = True
     while gives_way:  # each pass leaves fewer candidates
-        pairs = _find(model, state, dt)
-        if not len(pairs.row):
+        pairs, ropes = _find(model, state, dt), ties.find(model, state, dt)
+        if not len(pairs.row) and not len(ropes.joint):
             return TreeContacts()
-        contacts, change, bodies = _solve(model, state, pairs, dt)
+        contacts, change, bodies = _solve(model, state, pairs.and_more(ropes.pairs), ropes, dt)
         gives_way = _give_way(model, state, contacts, dt)
     pushed = contacts.impulse.any(axis=1)
     contacts = TreeContacts(*(column[pushed] for column in vars(contacts).values()))
     _apply(state, contacts, change, bodies)
+    ties.pull(model, state, contacts, -0.5)
     return contacts
 
 
@@ -266,11 +269,12 @@ def _give_way(model: Model, state: State, contacts: TreeContacts, dt: float) -> 
     return broke or len(woken) > 0
 
 
-def _solve(model: Model, state: State, pairs: Pairs,
+def _solve(model: Model, state: State, pairs: Pairs, ropes: ties.Ties,
            dt: float) -> tuple[TreeContacts, np.ndarray, np.ndarray]:
     """
     Solve for the impulses of all contacts.
 
+    :param ropes: the last of the pairs.
     :returns: contacts, changes of the velocities of bodies (B, 6), and their ids.
     """
     both = np.flatnonzero(pairs.other >= 0)
@@ -282,24 +286,28 @@ def _solve(model: Model, state: State, pairs: Pairs,
     end, other = place[:len(pairs.row)], np.full(len(pairs.row), -1, np.intp)
     other[both] = place[len(pairs.row):]
     partners, bodies = _partners(model, state, pairs, end, other, dt)
+    rope = np.full(len(end), -1, np.intp)
+    last = slice(len(end) - len(ropes.joint), None)
+    rope[last], partners.arm[last] = ropes.joint, ropes.arm
     air = None if state.trees.still else state.trees.air
     problem = _Problem(pairs, partners, partners.motion.copy(), np.zeros((len(end), 3)),
-                       np.full(len(end), WOOD_FRICTION), _tree_mass(state, pairs),
+                       np.where(rope < 0, WOOD_FRICTION, 0.0), _tree_mass(state, pairs),
                        partial(_look_ahead, model, state, rows[order], points[order], dt, air,
                                both, order))
     old = state.world.bodies.velocities[bodies]
     least, out = _least_speed(pairs.gap, pairs.normal, partners, problem.look.before,
                               problem.look.old_share, old, dt)
+    least[last] += ropes.turned
     free = problem.look.velocity.copy()
     for _ in range(_LOOKS):
         problem.resolve(least)
         if not problem.look.held.any() or problem.agrees():
             break
     problem.limit_work(least, out, model.gravity * dt)
-    closed = _closing(problem.impulse, partners, problem.look.before, old,
-                      problem.look.velocity - free, partners.motion - problem.free)
+    slowed, stopped = _closing(problem.impulse, partners, problem.look.before, old,
+                               problem.look.velocity - free, partners.motion - problem.free)
     return (TreeContacts(pairs.row, pairs.other, pairs.body, pairs.part, pairs.point,
-                         problem.impulse, *closed),
+                         problem.impulse, slowed, stopped, rope),
             partners.motion - problem.free, bodies)
 
 

@@ -52,6 +52,11 @@ class Pairs:
     normal: np.ndarray
     gap: np.ndarray
 
+    def and_more(self, others: 'Pairs') -> 'Pairs':
+        """Append others."""
+        return Pairs(*(np.concatenate(columns)
+                       for columns in zip(vars(self).values(), vars(others).values())))
+
     def take(self, rows: np.ndarray) -> 'Pairs':
         """Select contacts, (K,) rows."""
         return Pairs(*(column[rows] for column in vars(self).values()))
@@ -70,6 +75,7 @@ class TreeContacts:
     :ivar impulse: on the row; the other side gets the opposite [N·s], (C, 3).
     :ivar change: of the closing speed [m/s], (C,).
     :ivar speed: stopped part of the closing speed before [m/s], (C,).
+    :ivar rope: joint of a mechanism that pulls there, -1 = nothing does, they touch, (C,).
     """
 
     row: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
@@ -80,6 +86,7 @@ class TreeContacts:
     impulse: np.ndarray = field(default_factory=lambda: np.zeros((0, 3)))
     change: np.ndarray = field(default_factory=lambda: np.zeros(0))
     speed: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    rope: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
 
     def __len__(self) -> int:
         return len(self.row)

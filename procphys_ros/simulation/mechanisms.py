@@ -28,12 +28,12 @@ from procphys_ros.physics.masonry.components import groups, label
 from procphys_ros.physics.world import BodyState, DEFAULT_ENGINE, JointOptions, World
 from procphys_ros.scene import Settings
 from procphys_ros.scene.joint_drive import DriveJoint
-from procphys_ros.simulation import breaking, contact_exclusions
+from procphys_ros.simulation import breaking, contact_exclusions, ties
 from procphys_ros.simulation.composite_inertia import accelerations
 from procphys_ros.simulation.fragments import NEGLIGIBLE
 from procphys_ros.simulation.model import Model
 from procphys_ros.simulation.parts import Owner
-from procphys_ros.simulation.state import MechanismState, State
+from procphys_ros.simulation.state import MechanismState, State, TIED
 
 ENGINE = 'native'  # that has joints
 _LAYER = 'hinges'
@@ -115,8 +115,9 @@ def connect(model: Model, state: State, first: int = 0) -> None:
         known = getattr(own, column.name)[:first]
         setattr(own, column.name, np.concatenate([known, getattr(more, column.name)]))
     _exclude(model, state, first)
-    ends = _bodies(state, joints.parts[rows])
-    rows = rows[ends[:, 0] != ends[:, 1]]
+    ends, tied = _bodies(state, joints.parts[rows]), ties.of_trees(state, joints.parts[rows])
+    own.joint[rows[tied]] = TIED
+    rows = rows[~tied & (ends[:, 0] != ends[:, 1])]
     new = joints.take(rows)
     far = new.frame.copy()
     far[:, :3] += rotation.rotate(new.frame[:, 3:], new.anchor)
@@ -351,7 +352,7 @@ def press_hosts(model: Model, state: State, dt: float) -> None:
 def torn(model: Model, state: State) -> np.ndarray:
     """Return the joints that have broken, or whose parts are gone, (K,) rows."""
     ends = _bodies(state, model.blueprint.joints.parts)
-    return np.flatnonzero((state.mechanisms.joint < 0) & (ends[:, 0] != ends[:, 1]))
+    return np.flatnonzero((state.mechanisms.joint == -1) & (ends[:, 0] != ends[:, 1]))
 
 
 def names(model: Model, state: State) -> list[str]:
@@ -398,7 +399,7 @@ def find(model: Model, state: State, wish: DriveJoint) -> int:
         raise CommandError(f'there is no joint "{wish.target}"'
                            f'{nearest_names(wish.target, known)} (joints: {listed})')
     row = known.index(wish.target)
-    if own.joint[row] < 0 or state.parts.owner[joints.parts[row, 1]] != Owner.BODY:
+    if own.joint[row] == -1 or state.parts.owner[joints.parts[row, 1]] != Owner.BODY:
         raise CommandError(f'{wish.target} has broken, or is gone')
     if joints.kind[row] not in _DRIVEN or joints.effort[row] == 0.0:
         raise CommandError(f'{wish.target} has no motor; a hinge or a slider with "motor:" has')

@@ -37,6 +37,7 @@ from procphys_ros.simulation import (
     projectiles,
     sawing,
     snow,
+    ties,
     trees,
     wall_loads,
 )
@@ -111,6 +112,7 @@ STAGES = (
     Stage('dust sources', particles.watch_dust),
     Stage('engine', step_rigid_bodies),
     Stage('bounces', projectiles.take_back),
+    Stage('ties', ties.end_step),
     Stage('joint breaks', mechanisms.break_overloaded),
     Stage('hinges', mechanisms.press_hosts),
     Stage('intruder wrench', intruder.sum_wrench),

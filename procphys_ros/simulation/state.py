@@ -298,12 +298,15 @@ class ClimberState:
     holds: np.ndarray
 
 
+TIED = -2  # in place of the id of a joint in the world: a rope to a branch, see `ties`
+
+
 @dataclass
 class MechanismState:
     """
     Joints of mechanisms, a row each as in `Blueprint.joints`.
 
-    :ivar joint: id in the world, -1 = broken, or its parts are gone, (J,).
+    :ivar joint: id in the world, -1 = broken, or its parts are gone, `TIED`, (J,).
     :ivar speed: that the motor aims at [m/s], [rad/s], (J,).
     :ivar effort: greatest force or moment of the motor [N], [N·m], (J,).
     :ivar target: displacement that the motor aims at [m], [rad], (J,); NaN = it aims at a speed.
