@@ -67,7 +67,7 @@ $(BIN)/python:
 # Installed anew when any source has changed; what it depends on is then there already.
 $(VENV)/.installed-run: $(SOURCES) | $(BIN)/python
 	rm -rf build
-	$(BIN)/pip install --quiet '.[wheels,render,usd,record,view]'
+	$(BIN)/pip install --quiet '.[wheels,render,usd,record,view,maps]'
 	@touch $@
 
 $(VENV)/.installed-test: $(SOURCES) | $(BIN)/python

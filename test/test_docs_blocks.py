@@ -31,6 +31,7 @@ from procphys_ros.lsystem import LSystem
 from procphys_ros.physics.world import engine, World
 from procphys_ros.physics.world.bullet import BulletEngine
 from procphys_ros.scene import Scene
+from procphys_ros.scene.map_rules import read_rules
 from procphys_ros.scene.parameter_table import GLOBAL
 from procphys_ros.simulation import Simulation
 from procphys_ros.simulation.stages import STAGES
@@ -111,6 +112,10 @@ def test_yaml_loads_as_it_stands(page, number, desk, caplog):
     if body.startswith('streets:'):
         (desk / 'some.plan').write_text(body, 'utf-8')
         body = _SCENE_OF_A_PLAN
+    if body.startswith('# saved as my.rules'):
+        (desk / 'my.rules').write_text(body, 'utf-8')
+        assert read_rules(desk / 'my.rules').of('road', {'highway': 'path'}) is not None
+        return
     (desk / 'some.yaml').write_text(body, 'utf-8')
     scene = Scene.from_yaml(desk / 'some.yaml')
     empty = ['scene.objects is empty: nothing stands in the scene']

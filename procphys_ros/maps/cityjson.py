@@ -51,7 +51,7 @@ def read(raw: bytes, path: Path) -> Map:
             found.leave_out(str(own.get('type')) if isinstance(own, dict) else 'object')
             continue
         parents = own.get('parents')
-        whole = objects.get(parents[0]) if isinstance(parents, list) and parents else None
+        whole = objects.get(str(parents[0])) if isinstance(parents, list) and parents else None
         tags = {**texts(whole.get('attributes') if isinstance(whole, dict) else None),
                 **texts(own.get('attributes'))}
         where = f'{path}: object {name}'

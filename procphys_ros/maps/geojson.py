@@ -107,10 +107,10 @@ def _shapes(geometry: Any, where: str) -> Iterator[tuple[str, list[np.ndarray]]]
     if shape == 'GeometryCollection':
         members = geometry.get('geometries')
         for member in members if isinstance(members, list) else []:
-            if isinstance(member, dict) and member.get('type') in _DEPTH:  # not nested further
+            if isinstance(member, dict) and member.get('type') != shape:  # not nested further
                 yield from _shapes(member, where)
         return
-    if shape not in _DEPTH:
+    if not isinstance(shape, str) or shape not in _DEPTH:
         raise SceneError(f'{where}: the type of its geometry is {shape!r}, it must be one of '
                          f'{", ".join(_DEPTH)}')
     parts = geometry.get('coordinates')

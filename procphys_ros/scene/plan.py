@@ -145,7 +145,7 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """Number of houses and trees."""
+        """Count the houses and trees."""
         return sum(row.count for row in self.rows)
 
 

@@ -112,6 +112,7 @@ class WallGrammar(GrammarFile):
         if self.spec.wings:
             raise place.error(f'{self.source} has wings, which have no place over another '
                               'footprint; take a grammar without any')
+
         def number(value: float | None, own: Expression | None) -> Expression | None:
             return own if value is None else Expression.constant(value, place)
 
