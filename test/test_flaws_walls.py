@@ -212,10 +212,10 @@ def test_no_bricks_float_in_the_air(fall: _Fall, measured):
     """
     simulation = fall.simulation
     assert not len(hanging(simulation))
-    world = simulation.state.world
-    resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
     sunk = sinking(simulation)  # before what may lean on the topmost one has lost it
     assert len(sunk) > 100
+    world = simulation.state.world
+    resting = np.flatnonzero(world.bodies.state == BodyState.RESTING)
     top = resting[[np.argmax(world.bodies.poses[resting, 2])]]
     world.set_poses(top, world.bodies.poses[top] + [0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 0.0])
     lifted = sinking(simulation).max()
