@@ -13,7 +13,7 @@ SOURCES := setup.py setup.cfg package.xml $(shell find procphys_ros scripts laun
 # Scenes of the gallery, and the simulated time of each picture [s].
 GALLERY := palms_in_a_gust:3 tree_on_house:5 village_street:3 figure_1:3.2 implosion:3.5 figure_8:3.2 \
   felled_by_wind:3.1 figure_8:8 wrecking_ball:1.5 wrecking_ball:6.5 eroded_valley:0.5 earthquake:15
-HOUSES := arcade barn bridge church cottage dry_stone garden_wall office terrace tower
+HOUSES := arcade barn bridge church cottage dry_stone garden_wall office outhouse terrace tower
 
 # What a process has compiled of its modules it keeps for the next, whatever the machine is set to:
 # tests start hundreds, and a node is there in a third of the processor time.

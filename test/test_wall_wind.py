@@ -35,7 +35,8 @@ from procphys_ros.scene import Scene
 from procphys_ros.scene.strikes import Demolition
 from procphys_ros.simulation import masonry, Simulation
 
-SHIPPED = ['barn', 'church', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower', 'cottage']
+SHIPPED = ['barn', 'church', 'dry_stone', 'garden_wall', 'office', 'outhouse', 'terrace', 'tower',
+           'cottage']
 WAYS = [(0.0, -1.0), (-0.7071, 0.7071)]
 GALE = 20.0  # [m/s] at 10 m, Beaufort 8. Where joints crack first: cottage 22, barn 25, terrace
 #              30; office and tower bear 30

@@ -240,7 +240,7 @@ def test_the_unspoilt_grammar_builds():
     ('storey_height: 3', 'storey_height: 3 floors: lava', 4, 'timber'),
     ('storey_height: 3', 'storey_height: 3 floors: slab(9)', 4, '0.05 to 1'),
     ('storey_height: 3', 'storey_height: 3 roof: hip(5)', 4, '10 to 70'),
-    (_SQUARE, '(0, 0) (5, 0) (5.3, 2.5) (4.2, 4.6) (1.5, 5) (-0.3, 3) roof: hip(40)', 1,
+    (_SQUARE, '(0, 0) (5, 0) (5.3, 2.5) (4.2, 4.6) (1.5, 5) (-0.3, 3) roof: hip(40)', 2,
      'roof meet near'),
     ('storey_height: 3', 'storey_height: 3 partitions: halves', 4, 'takes 1'),
     # splits
@@ -316,7 +316,7 @@ def test_the_unspoilt_grammar_builds():
     *((_SQUARE, f'(0, 0) (2, 0) (3, 1.7) (2, 3.4) (0, 3.4) (-1, 1.7)\n  {timber}', 3,
        'right angles only')
       for timber in ('floors: timber', 'roof: flat', 'partitions: halves(2)')),
-    (_SQUARE, '(0, 0) (3, 0) (3, 0.6) (0, 0.6)\n  roof: hip(40)', 1,
+    (_SQUARE, '(0, 0) (3, 0) (3, 0.6) (0, 0.6)\n  roof: hip(40)', 3,
      'at least 0.5 m between opposite walls'),
     ('rule front -> wall', 'floors: slab(0.2)\nrule front -> split(x) '
      '{ ~1: wall | 1: window | ~1: wall }', 1, 'meets the panel "window"'),
@@ -363,7 +363,7 @@ def test_what_is_no_grammar_is_refused(text, words):
 
 
 @pytest.mark.parametrize('extra', ['partitions: halves(1)', 'floors: slab(0.2)', 'floors: timber',
-                                   'roof: hip(40)'])
+                                   'roof: hip(40)', 'roof: lean_to(40)'])
 def test_endless_interiors_are_refused_before_they_are_built(extra):
     """Count rooms, slabs, joists and tiles of a hall of 6 x 3 km before making any."""
     text = _GOOD.replace(_SQUARE, '(0, 0) (6000, 0) (6000, 3000) (0, 3000)')

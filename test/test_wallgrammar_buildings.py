@@ -47,6 +47,7 @@ _CASES = [
     (_RECTANGLE, 'flemish', 'roof: flat'),
     (_RECTANGLE, 'running', 'storeys: 2 floors: slab(0.2) roof: flat partitions: halves(1.5)'),
     (_RECTANGLE, 'english', 'floors: timber roof: gable(45) partitions: halves(1.2)'),
+    (_RECTANGLE, 'flemish', 'floors: timber roof: lean_to(25) partitions: halves(1.2)'),
     (_ANGLE, 'flemish', 'floors: slab(0.15)'), (_ANGLE, 'english', 'partitions: halves(1)'),
     ('(0, 0) (4, 3) (2.5, 5) (-1.5, 2)', 'running', 'floors: timber roof: gable(35)'),
     ('(0, 0) (3, 0) (4.2, 2.1) (1.5, 4) (-1, 2)', 'running', 'floors: slab(0.15) roof: flat'),
@@ -73,7 +74,7 @@ def check_sound(blueprint):
 
 
 @pytest.mark.parametrize('name', [
-    'barn', 'cottage', 'dry_stone', 'garden_wall', 'office', 'terrace', 'tower'])
+    'barn', 'cottage', 'dry_stone', 'garden_wall', 'office', 'outhouse', 'terrace', 'tower'])
 def test_shipped_buildings_are_sound(shipped, name):
     """Bond every part to the ground, and let none overlap."""
     check_sound(shipped[name])

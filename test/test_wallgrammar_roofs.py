@@ -207,7 +207,8 @@ _JOINTS = 0.002 * (1.0 / 0.40 + 1.0 / 0.25)  # of the plan: joints of 2 mm betwe
     ('L', 'hip(40)', 0.5), ('T', 'gable(60)', 0.5 * np.pi), ('U', 'hip(30)', 2.0),
     ('H', 'gable(45)', 0.0), ('star', 'hip(40)', 0.0), ('triangle', 'hip(55)', 0.3),
     ('kite', 'hip(20)', 0.0), ('bend', 'hip(50)', 0.0), ('apse', 'gable(35)', 0.5),
-    ('octagon', 'hip(45)', 0.0)])
+    ('octagon', 'hip(45)', 0.0), ('rectangle', 'lean_to(5)', 0.5 * np.pi),
+    ('square', 'lean_to(33)', 0.5), ('rectangle', 'lean_to(60)', 0.0)])
 def test_roofs_are_sound(plan, roof, turn):
     """Bond all parts, let none overlap, and no rain in but through the joints of tiles."""
     house, points = built(plan, roof, turn)
@@ -239,6 +240,44 @@ def test_roofs_over_drawn_plans_are_sound(seed):
 def test_ties_hold_flat_hips_together(plan):
     """Crack no half-brick wall by the thrust of a flat hip roof: ties that cross hold, too."""
     assert not standing(built(plan, 'hip(25)', height=1.0)[0]).warnings
+
+
+@pytest.mark.parametrize('layout', ['running', 'english'])
+@pytest.mark.parametrize(('span', 'pitch'), [(2, 10), (2, 60), (6, 5), (6, 25), (6, 45)])
+def test_lean_tos_bear_themselves(span, pitch, layout):
+    """Crack no wall by rafters that bend between the walls they lie on; let none meet a wall."""
+    plan = [(0, 0), (span + 1, 0), (span + 1, span), (0, span)]
+    shed = built(plan, f'lean_to({pitch})', height=2.0, layout=layout)[0]
+    assert count_loose(shed) == 0 and deepest_overlap(shed) < OVERLAP
+    assert not standing(shed).warnings
+
+
+@pytest.mark.parametrize('turn', [0.0, 0.7])
+def test_lean_tos_fall_to_their_first_edge(turn):
+    """Seat each rafter at both ends, on walls of full height that interlock in each course."""
+    shed, points = built('rectangle', 'lean_to(30)', turn)
+    ahead, inwards = ((points[k] - points[0]) / np.linalg.norm(points[k] - points[0])
+                      for k in (1, 3))
+    rise = 0.6 + 0.075 + 5.0 * np.tan(np.radians(30.0))
+    top = {kind: shed.poses[rows_of(shed, kind), 2].max() for kind in ('tile', 'ridge', 'brick')}
+    assert rise < top['tile'] < rise + 0.5 and rise - 0.2 < top['ridge'] < rise + 0.3
+    tiles = shed.poses[rows_of(shed, 'tile')]
+    level = tiles[:, 2] - tiles[:, :2] @ inwards * np.tan(np.radians(30.0))
+    assert np.ptp(level) < 0.05
+    kinds = np.array(shed.kinds)[shed.kind][shed.bonds]
+    seats = (kinds[:, 0] == 'plate') & (kinds[:, 1] == 'rafter')
+    place = shed.bond_frame[seats, :2] @ inwards
+    assert (place < 0.1).sum() == (place > 4.8).sum() == seats.sum() // 2 > 12
+    bricks = shed.poses[rows_of(shed, 'brick')]
+    along_head = np.abs(rotation.rotate(bricks[:, 3:], np.array([1.0, 0.0, 0.0]))[:, :2]
+                        @ ahead) > 0.5
+    for corner in points[2:]:
+        away = np.hypot(*(bricks[:, :2] - corner).T)
+        owners = []
+        for level in np.arange(0.6 + 0.0425, rise - 0.3, 0.075):
+            course = np.flatnonzero(np.abs(bricks[:, 2] - level) < 1e-5)
+            owners.append(int(along_head[course[np.argmin(away[course])]]))
+        assert len(owners) > 30 and (np.abs(np.diff(owners)) == 1).all()
 
 
 def test_valleys_let_nothing_in():
@@ -320,6 +359,9 @@ def test_seats_lie_across_what_they_bear(plan, roof, turn):
 @pytest.mark.parametrize(('plan', 'roof', 'message'), [
     ([(0, 0), (5, 0), (5.3, 2.5), (4.2, 4.6), (1.5, 5), (-0.3, 3)], 'hip(40)', 'roof meet near'),
     ('kite', 'gable(40)', 'between two right angles'),
+    ('kite', 'lean_to(40)', '<text>:6:9: a lean-to needs a footprint of four corners, all of them '
+     'right angles'), ('L', 'lean_to(40)', 'use hip or gable here'),
+    ('square', 'lean_to(61)', 'the number of "lean_to" must be from 5 to 60, found 61'),
     ([(0, 0), (3, 0), (3, 3), (3.6, 3), (3.6, 0), (7, 0), (7, 6), (0, 6)], 'hip(40)',
      'meet each other there; leave more room between the wings'),
     ([(0, 0), (3, 0), (3, 0.8), (0, 0.8)], 'hip(15)', 'too low to stand')])

@@ -14,7 +14,7 @@
 
 """Test piers, wings, spires and pyramids: their volume, their bond, and what is refused."""
 
-from building_checks import are_convex, count_loose, deepest_overlap, OVERLAP
+from building_checks import are_convex, count_loose, deepest_overlap, OVERLAP, standing
 import numpy as np
 import pytest
 from scipy.spatial import cKDTree
@@ -275,6 +275,22 @@ def test_wings_below_and_beside_eaves_keep_clear_of_them(footprint, height, roof
     assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
 
 
+@pytest.mark.parametrize(('footprint', 'height'), [
+    ('(0, -1.2) (5, -1.2) (5, 0) (0, 0)', 0.6), ('(7, 0) (7, 4) (5, 4) (5, 0)', 1.9),
+    ('(7, 1) (7, 3) (5, 3) (5, 1)', 3.0), ('(5, 0.5) (7, 0.5) (7, 3) (5, 3)', 1.2)])
+def test_lean_tos_stand_against_eaves_and_gables(footprint, height):
+    """Build an aisle below eaves, and sheds against a gable, low, high and sidewise."""
+    built = WallGrammar.parse(WINGS.format(footprint=footprint, height=height,
+                                           roof='lean_to(25)')).build()
+    assert count_loose(built) == 0 and deepest_overlap(built) < OVERLAP
+    assert not standing(built).warnings
+    kinds = np.array(built.kinds)[built.kind][built.bonds]
+    axis, side = (1, 0.0) if footprint.startswith('(0') else (0, 5.0)
+    between = (kinds == 'brick').all(axis=1) & (
+        np.abs(built.bond_frame[:, axis] - side) < 1e-6)
+    assert built.bond_frame[between, 2].max() > height + 0.2  # above the low wall, too
+
+
 @pytest.mark.parametrize(('text', 'message'), [
     (PIER.format(footprint=FREE, thick=ENGLISH, out=0.2, height=1.8, top=1.35, room=1, joint=0.01,
                  extra=''), 'extrude it by 0 to 0.1125 m'),
@@ -297,6 +313,10 @@ def test_wings_below_and_beside_eaves_keep_clear_of_them(footprint, height, roof
      '"tower" stands there; build it against a gable'),
     (WINGS.format(footprint='(3, -2) (3, 0) (1, 0) (1, -2)', height=1.4, roof='spire(80)'),
      '"tower" stands there; build it against a gable'),
+    (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=0.9, roof='lean_to(30)'),
+     '"tower" stands there; build it against a gable, or keep it below 1.72 m'),
+    (WINGS.format(footprint='(5, 3) (5, 1) (7, 1) (7, 3)', height=1, roof='lean_to(30)'),
+     '"hall" stands there; build it against a gable'),
     (WINGS.format(footprint='(1, -2) (3, -2) (3, -0.3) (1, -0.3)', height=6, roof='none'),
      'reach 0.40 m out of its walls, and "tower" stands there'),
     (WINGS.format(footprint='(1, -2) (3, -2) (3, 0) (1, 0)', height=6, roof='none').replace(

@@ -173,7 +173,6 @@ class Neighbour(NamedTuple):
 
     :ivar name: of the body.
     :ivar low, high: its bounding rectangle in the first frame [µm], (2,).
-    :ivar top: height of its walls [µm].
     :ivar crest: height of the vertical extension of the walls: a gable with its roof [µm].
     :ivar lean: rise over distance of a roof that leans back from the walls, a hip or a spire.
     """
@@ -181,7 +180,6 @@ class Neighbour(NamedTuple):
     name: str
     low: np.ndarray
     high: np.ndarray
-    top: int
     crest: int
     lean: float
 
@@ -193,7 +191,7 @@ def neighbours(body: Body, bodies: Sequence[Body]) -> list[Neighbour]:
     corners = micros(product(np.concatenate([other.plan.points for other in bodies]), turn))
     starts = np.cumsum([0] + [len(other.plan.points) for other in bodies[:-1]])
     low, high = np.minimum.reduceat(corners, starts), np.maximum.reduceat(corners, starts)
-    return [Neighbour(other.building.name, low[i], high[i], other.height,
+    return [Neighbour(other.building.name, low[i], high[i],
                       *_over(other, float((high[i] - low[i]).min()) / MICRO))
             for i, other in enumerate(bodies) if other is not body]
 
@@ -205,7 +203,8 @@ def _over(body: Body, width: float) -> tuple[int, float]:
     :param width: of the body, across the ridge of a gable [m].
     """
     call = body.building.roof
-    if call is None or call.name not in ('gable', 'hip', 'spire') or len(call.arguments) != 1:
+    if (call is None or call.name not in ('gable', 'hip', 'lean_to', 'spire')
+            or len(call.arguments) != 1):
         return body.height, 0.0
     generator = deepcopy(body.deriver.generator)  # what is drawn here is drawn again
     pitch = float(np.radians(call.arguments[0].number(body.deriver.values, generator)))
@@ -214,10 +213,14 @@ def _over(body: Body, width: float) -> tuple[int, float]:
     lean = float(tan(pitch))
     if call.name == 'spire':
         return body.height, lean
-    cover = (slopes.rafter_depth(0.5 * width, pitch) + slopes.COVER) / float(cos(pitch))
+    leans_to = call.name == 'lean_to'
+    span = body.plan.facades[-1].length / MICRO if leans_to else 0.5 * width
+    eaves = body.height + body.layout.gauge  # of the plates
+    cover = (slopes.rafter_depth(span, pitch, leans_to) + slopes.COVER
+             + slopes.TILE[1]) / float(cos(pitch))  # and ridge tiles
     if call.name == 'hip':
-        return body.height + micro(cover), lean
-    return body.height + micro(0.5 * width * lean + cover), 0.0
+        return eaves + micro(cover), lean
+    return eaves + micro(span * lean + cover), 0.0
 
 
 def check_apart(bodies: Sequence[Body]) -> None:

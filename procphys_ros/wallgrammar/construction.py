@@ -20,7 +20,7 @@ import numpy as np
 
 from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, micros, SPAN, split_along
+from procphys_ros.wallgrammar.boxes import Boxes, from_cells, micros, split_along
 from procphys_ros.wallgrammar.materials import Material
 
 
@@ -115,19 +115,6 @@ class Site:
         rows = slice(self.count, self.count + len(boxes))
         self.count += len(boxes)
         return rows
-
-    def add_spans(self, boxes: Boxes, longest: int) -> tuple[np.ndarray, np.ndarray]:
-        """
-        Add spanning members, cut into an even number of pieces.
-
-        :param boxes: uncut members.
-        :param longest: greatest length of a piece [µm].
-        :returns: part at the low and part at the high end of each member, (n,) each.
-        """
-        rows = self.add(boxes, longest, SPAN)
-        member = self._boxes[-1].member
-        first = rows.start + np.flatnonzero(np.diff(member, prepend=-1))
-        return first, np.append(first[1:], rows.stop) - 1
 
     def hexahedra(self, corners: np.ndarray, kind: int = 0, material: int = 0, frame: int = 0,
                   member: int = -1) -> Boxes:

@@ -87,7 +87,7 @@ def timber_floor(site: Site, plan: Footprint, level: int, walls: Sequence[Elevat
     if joists:
         boxes = Boxes.stack(joists)
         boxes.kind[:], boxes.material[:] = site.kind('joist'), site.material('timber')
-        site.add_spans(boxes, _JOIST_PIECE)
+        site.add(boxes, _JOIST_PIECE, SPAN)
         _boards(site, rooms, 1 - axis, level)
 
 

@@ -32,7 +32,8 @@ from procphys_ros.wallgrammar.walls import Elevation
 
 _FLOORS = {'none': (), 'timber': (), 'slab': ((0.05, 1.0),)}
 _ROOFS = {'none': (), 'flat': (), 'gable': ((10.0, 70.0),), 'hip': ((10.0, 70.0),),
-          'spire': ((50.0, 85.0),)}
+          'lean_to': ((5.0, 60.0),), 'spire': ((50.0, 85.0),)}
+_ON_RAFTERS = ('gable', 'hip', 'lean_to')
 _PARTITIONS = {'none': (), 'halves': ((1.0, 100.0),)}
 
 
@@ -82,8 +83,8 @@ class Interior:
         call = self.body.building.roof
         if call is not None and roof == 'spire':
             spires.build(self.site, self.body.plan, layout, levels[-1], pitch, call.place)
-        elif roof in ('gable', 'hip'):
-            Roof(self.site, self.body.plan, self.walls, levels[-1], pitch, roof == 'gable',
+        elif call is not None and roof in _ON_RAFTERS:
+            Roof(self.site, self.body.plan, self.walls, levels[-1], roof, pitch, call.place,
                  self.neighbours).build()
 
     def _lay_floor(self, floors: str, depth: int, level: int, inner: Sequence[Elevation],
@@ -130,7 +131,7 @@ class Interior:
         if call.name != 'spire':
             floors = self.body.building.floors  # flat roofs are floors once more
             slab = call.name == 'flat' and floors is not None and floors.name == 'slab'
-            self._check_plan(call, key, not slab and call.name not in ('hip', 'gable', 'slab'))
+            self._check_plan(call, key, not slab and call.name not in (*_ON_RAFTERS, 'slab'))
         return call.name, value
 
     def _check_plan(self, call: Call, key: str, square: bool) -> None:

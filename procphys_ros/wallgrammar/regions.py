@@ -112,17 +112,29 @@ def courses(regions: Regions, owner: int, depth: int, layout: Layout, facade: Fa
     left, right, row = regions.x[left[run]], regions.x[right[run]], row[run]
     half = np.full(len(run), layout.joint // 2)
     left_joint, right_joint = half, layout.joint - half
-    left, left_joint, left_filled = _share(left, left_joint, 0, facade.start, course % 2 == 0, -1)
-    right, right_joint, right_filled = _share(right, right_joint, facade.length, facade.end,
-                                              course % 2 == 1, 1)
+    left, left_joint, left_filled = share_corner(left, left_joint, 0, facade.start,
+                                                 course % 2 == 0, -1)
+    right, right_joint, right_filled = share_corner(right, right_joint, facade.length, facade.end,
+                                                    course % 2 == 1, 1)
     return Runs(course, left, right, np.maximum(regions.z[row], course * gauge),
                 np.minimum(regions.z[row + 1], (course + 1) * gauge), left_joint, right_joint,
                 left_filled, right_filled, np.full(len(run), depth))
 
 
-def _share(end: np.ndarray, joint: np.ndarray, edge: int, corner: Corner, owning: np.ndarray,
-           outwards: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Move the ends of runs that reach into a corner to the limit of their course."""
+def share_corner(end: np.ndarray, joint: np.ndarray, edge: int, corner: Corner,
+                 owning: np.ndarray, outwards: int
+                 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """
+    Move the ends of runs that reach into a corner to the limit of their course.
+
+    :param end: of the runs along the wall [µm], (n,).
+    :param joint: inside these ends [µm], (n,).
+    :param edge: end of the facade [µm].
+    :param corner: of the facade.
+    :param owning: whether the facade fills the corner in the course of each run, (n,).
+    :param outwards: sense along the wall, 1 or -1.
+    :returns: the ends, joints inside them and lengths filled of the corner [µm], (n,) each.
+    """
     touching = end == edge
     limit = edge + outwards * np.where(owning, corner.owned, corner.yielded)
     beyond = touching | (outwards * (end - limit) > 0)

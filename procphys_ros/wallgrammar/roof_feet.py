@@ -119,6 +119,24 @@ class RoofFeet:
         rows = self.site.add(boxes)
         return np.arange(rows.start, rows.stop)
 
+    def lay_head(self, edge: int, levels: tuple[int, int], sides: tuple[int, int],
+                 kind: str) -> np.ndarray:
+        """
+        Lay a timber along a wall, between the walls beside it.
+
+        :param edge: of the wall, between gables.
+        :param levels: of its underside and its top [µm].
+        :param sides: outer and inner side, inwards from the edge [µm].
+        :param kind: name of its kind.
+        """
+        low, high = self._inner(edge)
+        joint = [_PLATE_JOINT, 0, 0]
+        box = from_cells([low, sides[0], levels[0]], [high, sides[1], levels[1]], joint, joint,
+                         joint=Joint.FIXING, kind=self.site.kind(kind),
+                         material=self.site.material('timber'))
+        rows = self.site.add(self.walls[edge].facade.place(box), PIECE)
+        return np.arange(rows.start, rows.stop)
+
     def _inset(self, edge: int) -> int:
         """Return the distance of plates and ties inside of an edge [µm]: a plate, or a gable."""
         return self.walls[0].layout.thickness if edge in self.plan.gables else self.plate

@@ -12,7 +12,7 @@
 # See the License for the specific language governing permissions and
 # limitations under the License.
 
-"""Roofs: timber and tiles over any plan, with hips, valleys, ridges and gables."""
+"""Roofs: timber and tiles over any plan: hips, valleys, ridges, gables and lean-tos."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -24,6 +24,7 @@ from numpy.typing import ArrayLike
 from procphys_ros.elementary import atan2, cos, hypot, sin, tan
 from procphys_ros.geometry import rotation
 from procphys_ros.geometry.linear import norm, product
+from procphys_ros.language import Place
 from procphys_ros.wallgrammar.assembly import Patches
 from procphys_ros.wallgrammar.bodies import Neighbour
 from procphys_ros.wallgrammar.boxes import (
@@ -34,7 +35,8 @@ from procphys_ros.wallgrammar.boxes import (
     micros,
 )
 from procphys_ros.wallgrammar.construction import Site
-from procphys_ros.wallgrammar.footprint import Corner, crossing, Footprint
+from procphys_ros.wallgrammar.footprint import Corner, crossing, Facade, Footprint
+from procphys_ros.wallgrammar.regions import share_corner
 from procphys_ros.wallgrammar.roof_feet import ALIGNED, PIECE, RoofFeet, TIE
 from procphys_ros.wallgrammar.roof_plan import Arc, NoRoofError, RoofPlan
 from procphys_ros.wallgrammar.slopes import (
@@ -49,6 +51,7 @@ from procphys_ros.wallgrammar.slopes import (
     Slope,
     Span,
     TILE_AREA,
+    VERGE,
 )
 from procphys_ros.wallgrammar.tiling import lay, Runs
 from procphys_ros.wallgrammar.walls import Elevation, unit_of
@@ -63,7 +66,7 @@ _NEAREST = 0.25       # [m] least distance of two such posts,
 _ONE = 0.002          # [m] if they are not one
 _GABLE_CLEAR = 0.01   # [m] between the gable and the battens
 _LEAST_RUN = 50_000   # [µm] shorter pieces of a gable course are left out
-_BESIDE = 60_000      # [µm] walls this near to a gable leave no room for its boards
+_BESIDE = 0.06        # [m] walls this near to a gable leave no room for its boards
 _EDGE = 0.06          # [m] between the outermost rafters and the gable
 _UP, _ASIDE = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
 _MARGIN = 0.5         # [m] between the outermost rafters and the corners of other slopes
@@ -104,13 +107,16 @@ class Roof:
     A roof of one pitch under construction.
 
     :ivar plan: faces and the lines between them, in the first frame.
+    :ivar place: of the roof in the text, for errors.
+    :ivar head: edge on whose wall the upper ends of a lean-to's rafters lie; None elsewhere.
     :ivar depth: of the rafters [m].
     :ivar feet: plates and ties.
     """
 
     def __init__(self, site: Site, ground: Footprint, walls: Sequence[Elevation], height: int,
-                 pitch: float, gabled: bool, neighbours: Sequence[Neighbour] = ()):
-        self.site, self.walls, self.height, self.neighbours = site, walls, height, neighbours
+                 kind: str, pitch: float, place: Place, neighbours: Sequence[Neighbour] = ()):
+        self.site, self.walls, self.height, self.place = site, walls, height, place
+        self.neighbours = neighbours
         self.layout = walls[0].layout
         self.gauge = self.layout.gauge
         self.pitch = float(np.radians(pitch))
@@ -119,17 +125,20 @@ class Roof:
             ground.points, np.array([[cos(turn), sin(turn)], [-sin(turn), cos(turn)]])))
         try:
             self.plan = RoofPlan(points)
-            if gabled:
-                self.plan = RoofPlan(points, self._gables())
+            if kind != 'hip':
+                self.plan = RoofPlan(points, self._gables() if kind == 'gable' else self._rakes())
         except NoRoofError:
-            raise site.place.error('no gable or hip roof was found over this plan; use flat '
-                                   'or none') from None
+            raise place.error('no gable or hip roof was found over this plan; use flat or '
+                              'none') from None
+        self.head = 2 if kind == 'lean_to' else None
         self.feet = RoofFeet(site, walls, self.plan, height, ground.right_angled)
-        room = 2.0 * (self.plan.lowest_top - self.layout.thickness / MICRO)
+        room = ((2.0 if self.head is None else 1.0) * self.plan.lowest_top
+                - 2.0 * self.layout.thickness / MICRO)
         if room < _LEAST_ROOM:
-            raise site.place.error(f'a gable or hip roof needs at least {_LEAST_ROOM:g} m between '
-                                   f'opposite walls, found {room:g} m; use flat or none')
-        self.depth = rafter_depth(max(arc.high for arc in self.plan.arcs), self.pitch)
+            raise place.error(f'a gable, hip or lean-to roof needs at least {_LEAST_ROOM:g} m '
+                              f'between opposite walls, found {room:g} m; use flat or none')
+        self.depth = rafter_depth(max(arc.high for arc in self.plan.arcs), self.pitch,
+                                  self.head is not None)
         site.expect(float(np.ptp(points, axis=0).prod()) / cos(self.pitch) / TILE_AREA)
         self._check_eaves()
 
@@ -143,6 +152,20 @@ class Roof:
         """How far battens and tiles on square ends of rafters reach out of the wall [µm]."""
         return micro(OVERHANG + (self.depth + COVER) * sin(self.pitch) + _EAVES_ROOM)
 
+    @property
+    def _rectangular(self) -> bool:
+        """Whether the plan has four corners, all of them right angles."""
+        return len(self.walls) == 4 and bool(
+            (np.abs(self.plan.turns - 0.5 * np.pi) < ALIGNED).all())
+
+    def _rakes(self) -> frozenset[int]:
+        """List the edges of a lean-to without eaves: all but the first one of a rectangle."""
+        if not self._rectangular:
+            raise self.place.error(
+                'a lean-to needs a footprint of four corners, all of them right angles, and falls '
+                'to its first edge; use hip or gable here, or a wing of four corners')
+        return frozenset((1, 2, 3))
+
     def _gables(self) -> frozenset[int]:
         """
         Choose the edges under gables.
@@ -152,7 +175,7 @@ class Roof:
         """
         plan, n = self.plan, len(self.walls)
         square = np.abs(plan.turns - 0.5 * np.pi) < ALIGNED
-        if n == 4 and square.all():
+        if self._rectangular:
             return frozenset((1, 3))
         found: set[int] = set()
         for edge, plane in enumerate(plan.plane.tolist()):
@@ -166,7 +189,7 @@ class Roof:
                         (*ends, 0.0, 0.0), 0.0, _ONE)):
                 found.add(edge)
         if not found:
-            raise self.site.place.error(
+            raise self.place.error(
                 'a gable stands on an edge between two right angles where a hip roof has a '
                 'triangle, and this plan has none; use hip')
         return frozenset(found)
@@ -181,19 +204,19 @@ class Roof:
                 (start, near), (end, far) = self._beside(edge, other)
                 if (other.crest + other.lean * reach > self.height - drop and -far < reach
                         and near < 0 and start < wall.facade.length and end > 0):
-                    raise self.site.place.error(
+                    raise self.place.error(
                         f'the eaves of a roof reach {reach / MICRO:.2f} m out of its walls, and '
                         f'"{other.name}" stands there; build it against a gable, or keep it below '
                         f'{(self.height - drop) / MICRO:.2f} m')
             if wall.piers_above(self.height - drop):
-                raise self.site.place.error(
+                raise self.place.error(
                     f'the eaves of a roof reach {OVERHANG:g} m out of its walls, over piers that '
                     f'stand out of them: end the piers below {(self.height - drop) / MICRO:.2f} m')
         points = self.plan.outline(self.plan.edges, -reach / MICRO)[0]
         ends = np.roll(points, -1, axis=0)
         if ((ends - points) * self.plan.ways[self.plan.edges] <= -1e-9).any() or len(
                 crossing(points, ends)):
-            raise self.site.place.error(
+            raise self.place.error(
                 f'the eaves of a roof reach {reach / MICRO:.2f} m out of its walls, and meet each '
                 f'other there; leave more room between the wings')
 
@@ -207,8 +230,13 @@ class Roof:
     def build(self) -> None:
         """Build plates, gables, posts, ridges, hips, valleys, slopes and ties."""
         plates = self.feet.lay_plates()
+        if self.head is not None:
+            thickness = self.layout.thickness
+            plates = np.append(plates, self.feet.lay_head(
+                self.head, self._head_levels(), (thickness - self.feet.plate, thickness), 'plate'))
+        continue_wall = self._gable_wall if self.head is None else self._leaning_wall
         for edge in sorted(self.plan.gables):
-            self._gable_wall(self.walls[edge])
+            continue_wall(edge)
         nodes = self._nodes()
         boards = [(arc, self._board(arc, nodes, plates)) for arc in self.plan.arcs
                   if all(node.ends_of(arc) < 2 for node in nodes)]
@@ -220,27 +248,34 @@ class Roof:
                         and hypot(*(arc.end - other.end)) < _ONE
                         and hypot(*(arc.start + other.start - 2.0 * arc.end)) < _ONE):
                     self._brace(arc, other, np.concatenate([parts, more]))
-        planes = list(dict.fromkeys(int(self.plan.plane[edge]) for edge in self.feet.eaves()))
-        for plane in planes:
-            slope = self._slope(plane, nodes)
-            frame = self._frame(slope.pose)
-            rafters = slope.rafters(self.site, frame, self.layout.thickness / MICRO + _EDGE,
-                                    _MARGIN)
-            if not len(rafters.place):
-                x, y = self._in_building(self.plan.points[plane])
-                raise self.site.place.error(f'the roof over the edge that begins at ({x:g}, {y:g})'
-                                            ' has no room for a rafter; make it longer')
-            low = rafters.start <= slope.along(0.0, self.depth)
-            self._seat(slope, rafters.place[low], rafters.foot[low], plates)
-            self._nail(slope, rafters.head, holders, slope.world(
-                rafters.reach, -rafters.place, 0.5 * self.depth), 0.5 * rafters.reach)
-            self._nail(slope, rafters.foot[~low], valleys, slope.world(
-                rafters.start, -rafters.place, 0.5 * self.depth)[~low],
-                0.5 * rafters.reach[~low], -1.0)
-            parts, places = slope.cover(self.site, frame, rafters)
-            self._hold(slope, parts, slope.world(*places.T), holders)
-            slope.verges(self.site, frame, self._verges(plane))
-        self.feet.tie()
+        for plane in dict.fromkeys(int(self.plan.plane[edge]) for edge in self.feet.eaves()):
+            self._lay_slope(self._slope(plane, nodes), plane, plates, holders, valleys)
+        if self.head is None:  # rafters that lie on walls with both ends need no ties
+            self.feet.tie()
+
+    def _lay_slope(self, slope: Slope, plane: int, plates: np.ndarray, holders: np.ndarray,
+                   valleys: np.ndarray) -> None:
+        """Set rafters on plates and at boards, and lay battens, tiles and verges on them."""
+        frame = self._frame(slope.pose)
+        rafters = slope.rafters(self.site, frame, self.layout.thickness / MICRO + _EDGE, _MARGIN)
+        if not len(rafters.place):
+            x, y = self._in_building(self.plan.points[plane])
+            raise self.place.error(f'the roof over the edge that begins at ({x:g}, {y:g}) has no '
+                                   'room for a rafter; make it longer')
+        low = rafters.start <= slope.along(0.0, self.depth)
+        self._seat(slope, rafters.place[low], rafters.foot[low], plates,
+                   (0.0, self.feet.plate / MICRO))
+        if self.head is not None:
+            self._seat(slope, rafters.place, rafters.head, plates, self._head_seat)
+        self._nail(slope, rafters.head, holders, slope.world(
+            rafters.reach + slope.bevel(0.5 * self.depth), -rafters.place, 0.5 * self.depth),
+                   0.5 * rafters.reach)
+        self._nail(slope, rafters.foot[~low], valleys, slope.world(
+            rafters.start, -rafters.place, 0.5 * self.depth)[~low],
+            0.5 * rafters.reach[~low], -1.0)
+        parts, places = slope.cover(self.site, frame, rafters)
+        self._hold(slope, parts, slope.world(*places.T), holders)
+        slope.verges(self.site, frame, self._verges(plane))
 
     def _in_building(self, place: np.ndarray) -> list[float]:
         """Return a place of the first frame in the coordinates of the building [m]."""
@@ -282,7 +317,7 @@ class Roof:
         if radius > 0.5 * shortest or min(beside, default=1.0) < (
                 0.5 * BOARD + np.sqrt(2.0) * _POST + CLEAR):
             x, y = self._in_building(node.place)
-            raise self.site.place.error(
+            raise self.place.error(
                 f'ridges, hips or valleys of the roof meet near ({x:.2f}, {y:.2f}) at several '
                 'places, too close to each other for one post and too far apart for it: make '
                 'opposite edges of the footprint equal, or more different; or use flat')
@@ -375,7 +410,9 @@ class Roof:
                    (BOARD, depth), (0.5, _POST))
 
     def _ridge(self, arc: Arc, nodes: Sequence[Node]) -> np.ndarray:
-        """Set a ridge board, from post to post or into the gables."""
+        """Set a ridge board, from post to post or into the gables; half of one on a head."""
+        if self.head is not None:
+            return self._head_board(self.head)
         bottom, top = self._ridge_levels(arc.high)
         way = (arc.end - arc.start) / hypot(*(arc.end - arc.start))
         aside = np.abs((self.plan.normals * way).sum(axis=1))
@@ -402,9 +439,30 @@ class Roof:
         bottom = micro(underside - _RIDGE_SEAT) // self.gauge * self.gauge
         top = micro(underside + self.depth * cos(self.pitch) - 0.005)
         if bottom < self.height + self.gauge:
-            raise self.site.place.error('the roof is too low to stand: give it more pitch, or the '
-                                        'building more depth')
+            raise self.place.error('the roof is too low to stand: give it more pitch, or the '
+                                   'building more depth')
         return bottom, top
+
+    @property
+    def _head_seat(self) -> Span:
+        """Where rafters lie on the plate of a head, from the eaves in plan [m]."""
+        start = self.plan.lowest_top - self.layout.thickness / MICRO
+        return start, min(start + self.feet.plate / MICRO,
+                          self.plan.lowest_top - 0.5 * BOARD - CLEAR)
+
+    def _head_levels(self) -> tuple[int, int]:
+        """Compute bottom (on a course) and top of the plate of a head [µm]."""
+        top = micro(self.eaves + self._head_seat[0] * tan(self.pitch))
+        return max((top - self.gauge) // self.gauge * self.gauge, self.height), top
+
+    def _head_board(self, head: int) -> np.ndarray:
+        """Set a board on a head, or on its plate, up to the tiles; rafters are nailed to it."""
+        width, place = micro(0.5 * BOARD), self.plan.lowest_top - 0.5 * BOARD
+        below, on_plate = self._head_levels()
+        if self.layout.thickness - self.feet.plate < width:
+            below = on_plate
+        top = micro(self.eaves + place * tan(self.pitch) + self.depth / cos(self.pitch) - CLEAR)
+        return self.feet.lay_head(head, (below, top), (0, width), 'ridge')
 
     def _slope(self, plane: int, nodes: Sequence[Node]) -> Slope:
         """Return the slope over the edges in one line."""
@@ -426,7 +484,7 @@ class Roof:
         origin = rotation.rotate(first, np.array([*plan.points[plane], self.eaves]))
         pose = np.concatenate([origin, rotation.multiply(rotation.from_yaw(yaw), tilt)])
         return Slope(pose, self.pitch, self.depth, plan.strips(plane, reach), reach,
-                     tuple(ridges), lines, posts)
+                     tuple(ridges), lines, posts, self.head is not None)
 
     def _verges(self, plane: int) -> list[tuple[float, int, float, list[Span]]]:
         """List the gables at the ends of a slope, the last first: see `Slope.verges`."""
@@ -435,44 +493,91 @@ class Roof:
             for gable, corner, last in ((edge - 1, edge, 0), (edge + 1, edge + 1, 1)):
                 if gable % n in plan.gables:
                     place = float(plan.local(plane, plan.points[corner % n])[0])
-                    found.append((place, last, 0.5 * self.walls[gable % n].facade.length / MICRO,
+                    found.append((place, last, self._summit(gable % n),
                                   self._abutments(gable % n, not last)))
         return sorted(found, key=lambda verge: -verge[0])
 
     def _abutments(self, gable: int, from_end: bool) -> list[Span]:
         """List where other bodies stand against a gable, measured from one of its corners [m]."""
-        length, found = self.walls[gable].facade.length, []
+        length, found = self.walls[gable].facade.length / MICRO, []
+        boards = self.eaves + (self.depth - VERGE[1]) / cos(self.pitch)  # at the eaves
         for other in self.neighbours:
-            (start, _), (end, far) = self._beside(gable, other)
-            if abs(far) < _BESIDE and other.top > self.height:
-                found.append(((length - end) / MICRO, (length - start) / MICRO) if from_end
-                             else (start / MICRO, end / MICRO))
+            bounds = np.array(self._beside(gable, other)) / MICRO
+            start, end = length - bounds[::-1, 0] if from_end else bounds[:, 0]
+            crest = other.crest / MICRO + other.lean * VERGE[0]
+            end = min(end, (crest - boards) / tan(self.pitch))  # above it boards go on
+            if abs(bounds[1, 1]) < _BESIDE and start < end:
+                found.append((float(start), float(end)))
         return found
 
-    def _gable_wall(self, wall: Elevation) -> None:
+    def _summit(self, gable: int) -> float:
+        """Return how far from the eaves the roof over a gable is highest [m]."""
+        return (0.5 if self.head is None else 1.0) * self.walls[gable].facade.length / MICRO
+
+    def _gable_wall(self, edge: int) -> None:
         """Continue the courses of a wall up to the roof, around the ridge."""
-        length, half = wall.facade.length, micro(0.5 * BOARD) + _RIDGE_ROOM
-        seat, top = self._ridge_levels(0.5 * length / MICRO)
-        first = self.height // self.gauge
-        peak = micro(self.eaves + 0.5 * length / MICRO * tan(self.pitch)) // self.gauge
-        course = np.arange(first, peak + 1)
-        bottom = np.maximum(course * self.gauge, self.height)
-        upper = (course + 1) * self.gauge
-        plane = self.eaves + (self.depth - _GABLE_CLEAR) / cos(self.pitch)
-        inset = np.maximum(micros((upper / MICRO - plane) / tan(self.pitch)), 0)
-        left = np.concatenate([inset, np.full(len(course), length // 2 + half)])
-        right = np.concatenate([np.full(len(course), length - length // 2 - half), length - inset])
+        length, half = self.walls[edge].facade.length, micro(0.5 * BOARD) + _RIDGE_ROOM
+        seat, top = self._ridge_levels(self._summit(edge))
+        course, bottom, upper, inset = self._steps(
+            micro(self.eaves + self._summit(edge) * tan(self.pitch)))
         whole = upper <= seat
-        right[:len(course)][whole] = (length - inset)[whole]
-        keep = right - left >= _LEAST_RUN
-        keep[len(course):] &= ~whole
-        keep &= np.tile(bottom < top, 2)
-        twice = [np.tile(v, 2)[keep] for v in (course, bottom, upper)]
-        zero = np.zeros(int(keep.sum()), int)
-        runs = Runs(twice[0], left[keep], right[keep], twice[1], twice[2], zero, zero, zero, zero,
-                    zero)
-        facade = replace(wall.facade, start=Corner(), end=Corner())
-        kind, joint = unit_of(self.layout, wall.unit)
+        left = np.append(inset, np.full(len(course), length // 2 + half))
+        right = np.append(np.where(whole, length - inset, length - length // 2 - half),
+                          length - inset)
+        keep = np.append(bottom < top, ~whole & (bottom < top))
+        facade = replace(self.walls[edge].facade, start=Corner(), end=Corner())
+        self._lay(edge, facade, keep, left, right, *(np.tile(v, 2) for v in (
+            course, bottom, upper)))
+
+    def _leaning_wall(self, edge: int) -> None:
+        """Continue the courses of a wall up to a lean-to, or to the plate of its head."""
+        facade, seat = self.walls[edge].facade, self._head_levels()[0]
+        top = seat - 1 if edge == self.head else micro(
+            self._batten_level + self.plan.lowest_top * tan(self.pitch))
+        course, bottom, upper, inset = self._steps(top)
+        low = [other % len(self.walls) in self.plan.eaves for other in (edge - 1, edge + 1)]
+        left, right = inset * low[0], facade.length - inset * low[1]
+        below = upper <= seat  # here the walls share their corner, above it a side wall fills it
+        for some, shared in ((below, True), (~below, False)):
+            start, end = (corner if shared and not at_eaves else Corner() for corner, at_eaves
+                          in zip((facade.start, facade.end), low))
+            self._lay(edge, replace(facade, start=start, end=end), some, left, right, course,
+                      bottom, upper)
+
+    @property
+    def _batten_level(self) -> float:
+        """Height that walls below the roof reach over their outer edge at the eaves [m]."""
+        return self.eaves + (self.depth - _GABLE_CLEAR) / cos(self.pitch)
+
+    def _steps(self, top: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """
+        Divide what is above the walls into courses.
+
+        :param top: level of the highest course [µm].
+        :returns: of each its number, bottom and top [µm], and how far from the eaves it is below
+            the battens [µm].
+        """
+        course = np.arange(self.height // self.gauge, top // self.gauge + 1)
+        upper = (course + 1) * self.gauge
+        inset = micros((upper / MICRO - self._batten_level) / tan(self.pitch))
+        return (course, np.maximum(course * self.gauge, self.height), upper,
+                np.maximum(inset, 0))
+
+    def _lay(self, edge: int, facade: Facade, keep: np.ndarray, left: np.ndarray,
+             right: np.ndarray, course: np.ndarray, bottom: np.ndarray, upper: np.ndarray) -> None:
+        """Lay courses of a wall from end to end [µm], those to keep that are long enough."""
+        keep = keep & (right - left >= _LEAST_RUN)
+        left, right, course, bottom, upper = (
+            v[keep] for v in (left, right, course, bottom, upper))
+        self.site.expect((right - left).sum() / self.layout.pitch * self.layout.pieces)
+        zero = np.zeros(len(course), int)
+        left, left_joint, left_filled = share_corner(left, zero, 0, facade.start,
+                                                     course % 2 == 0, -1)
+        right, right_joint, right_filled = share_corner(right, zero, facade.length, facade.end,
+                                                        course % 2 == 1, 1)
+        runs = Runs(course, left, right, bottom, upper, left_joint, right_joint, left_filled,
+                    right_filled, zero)
+        kind, joint = unit_of(self.layout, self.walls[edge].unit)
         self.site.add(facade.place(lay(runs, self.layout, self.site.kind(kind), joint,
                                        self.site.next_member, self.site.generator)))
 
@@ -480,12 +585,12 @@ class Roof:
         self.site.frames.append(pose)
         return len(self.site.frames) - 1
 
-    def _seat(self, slope: Slope, place: np.ndarray, parts: np.ndarray,
-              plates: np.ndarray) -> None:
-        """Cut each rafter over its plate and nail it."""
-        width = self.feet.plate / MICRO
-        points = slope.world(0.5 * width / cos(self.pitch), -place, 0.0)
-        points[:, 2] = self.eaves + 0.25 * width * tan(self.pitch)
+    def _seat(self, slope: Slope, place: np.ndarray, parts: np.ndarray, plates: np.ndarray,
+              span: Span) -> None:
+        """Cut each rafter over its plate, between two places from the eaves, and nail it."""
+        start, width = span[0], span[1] - span[0]
+        points = slope.world((start + 0.5 * width) / cos(self.pitch), -place, 0.0)
+        points[:, 2] = self.eaves + (start + 0.25 * width) * tan(self.pitch)
         # A long rafter is cut in pieces: the one over the plate carries.
         self._bond(self._nearest(plates, points), parts, points, _UP, (RAFTER, width),
                    (0.5 * self.gauge / MICRO, 0.5 * self.depth),

@@ -21,10 +21,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from procphys_ros.elementary import cos, hypot, sin
+from procphys_ros.elementary import cos, hypot, sin, tan
 from procphys_ros.geometry import rotation
-from procphys_ros.geometry.hexahedron import prisms
-from procphys_ros.wallgrammar.boxes import Boxes, from_cells, Joint, micros, split_along
+from procphys_ros.geometry.hexahedron import box_corners, prisms
+from procphys_ros.wallgrammar.boxes import (
+    Boxes,
+    from_cells,
+    Joint,
+    MICRO,
+    micros,
+    SPAN,
+    split_along,
+)
 from procphys_ros.wallgrammar.construction import Site
 from procphys_ros.wallgrammar.cutting import half_planes, rectangles, within
 from procphys_ros.wallgrammar.polygons import moments
@@ -45,7 +53,8 @@ from procphys_ros.wallgrammar.tiles import (
 RAFTER = 0.05            # [m] width of rafters
 BOARD = 0.075            # [m] thickness of the boards at ridges, hips and valleys
 _SHALLOWEST = 0.12       # [m] least depth of rafters
-_SLENDER = 25.0          # length over depth of rafters, a joiner's rule
+_SLENDER = 25.0          # length over depth of rafters that lean on each other, a joiner's rule
+_SPANNING = 20.0         # of those from wall to wall, as joists: their ends push as they bend
 RAFTER_SPACING = 0.6     # [m] largest
 _SHORTEST = 0.2          # [m] shortest rafter, in plan
 _SHORT = 0.06            # [m] shortest batten
@@ -57,7 +66,7 @@ _TAIL = 0.15            # [m] in plan: battens nearer to a top than this do not 
 CLEAR = 0.005           # [m] between timbers that are cut to meet
 LAP = 0.15              # [m] by which ridge tiles lie on the tiles below
 RIDGE_TILE = 0.45       # [m] length of ridge tiles
-_VERGE = (0.025, 0.12)   # [m] thickness of boards at gables, and how far they hang below battens
+VERGE = (0.025, 0.12)    # [m] thickness of boards at gables, and how far they hang below battens
 PIECE = 1_500_000       # [µm] rafters and battens splinter into pieces of at most this length
 OVERHANG = 0.25          # [m] of the eaves
 
@@ -81,14 +90,16 @@ class Ends(NamedTuple):
 Batten = tuple[float, float, float]  # up the slope, and its ends along the eaves [m]
 
 
-def rafter_depth(span: float, pitch: float) -> float:
+def rafter_depth(span: float, pitch: float, from_wall_to_wall: bool = False) -> float:
     """
     Compute the depth of rafters [m].
 
-    :param span: horizontal distance from the eaves to the ridge [m].
+    :param span: horizontal distance from the eaves to the upper end [m].
     :param pitch: [rad].
+    :param from_wall_to_wall: whether they lie on walls with both ends.
     """
-    return max(_SHALLOWEST, span / cos(pitch) / _SLENDER)
+    slender = _SPANNING if from_wall_to_wall else _SLENDER
+    return max(_SHALLOWEST, span / cos(pitch) / slender)
 
 
 @dataclass(frozen=True)
@@ -108,6 +119,7 @@ class Slope:
     :ivar lines: ends of the boards around it, along the eaves and from them in plan [m], (2, 2).
     :ivar posts: where lines of the roof meet, along the eaves and from them in plan, and how far
         around rafters keep clear [m].
+    :ivar plumb: whether the upper ends of rafters are upright, else at right angles to the slope.
     """
 
     pose: np.ndarray
@@ -118,6 +130,7 @@ class Slope:
     ridges: tuple[tuple[float, float, float], ...] = ()
     lines: Sequence[np.ndarray] = ()
     posts: Sequence[tuple[float, float, float]] = ()
+    plumb: bool = False
 
     def world(self, x: ArrayLike, y: ArrayLike, z: ArrayLike) -> np.ndarray:
         """Transform points from the slope's frame to the building's [m], (n, 3)."""
@@ -177,7 +190,25 @@ class Slope:
                                                                           self.depth)])),
             frame=frame, axis=0, joint=Joint.NAIL, kind=site.kind('rafter'),
             material=site.material('timber'))
-        return Ends(*site.add_spans(boxes, PIECE), place, start, reach)
+        pieces = split_along(boxes, PIECE, site.next_member, SPAN)
+        foot, last = (np.flatnonzero(np.diff(pieces.member, **beside)) for beside in (
+            {'prepend': -1}, {'append': -1}))
+        if self.plumb:
+            self._cut_plumb(site, pieces, last)
+        row = site.add(pieces).start
+        return Ends(row + foot, row + last, place, start, reach)
+
+    def _cut_plumb(self, site: Site, pieces: Boxes, last: np.ndarray) -> None:
+        """Let the upper ends of rafters be upright, as they stand at a board."""
+        corners = box_corners(pieces.low[last] / MICRO, pieces.high[last] / MICRO)
+        corners[:, [5, 7], 0] += self.bevel(self.depth)
+        cut = site.hexahedra(corners)
+        for name in ('low', 'high', 'form'):
+            getattr(pieces, name)[last] = getattr(cut, name)
+
+    def bevel(self, z: float) -> float:
+        """Return how much longer rafters are at a height z than along their underside [m]."""
+        return z * float(tan(self.pitch)) if self.plumb else 0.0
 
     def _beside(self, place: float, height: float, radius: float) -> list[float]:
         """Return where rafters go at a post: below it, or on both sides if they are above it."""
@@ -272,7 +303,7 @@ class Slope:
 
         :param rafters: that carry the battens.
         """
-        top = float(rafters.reach.max()) - BATTEN[0]
+        top = float(rafters.reach.max()) + self.bevel(self.depth) - BATTEN[0]
         # Those at the ends of rafters come first.
         marks = [self._below(height) for *_, height in self.ridges]
         marks += [reach - 0.5 * BATTEN[0] for post, *_ in self.posts
@@ -289,7 +320,8 @@ class Slope:
 
     def _below(self, height: float) -> float:
         """Return the place of a batten on the ends of rafters at a ridge [m]."""
-        return float(self.along(height - 0.5 * BOARD - CLEAR, 0.0)) - 0.5 * BATTEN[0]
+        return (float(self.along(height - 0.5 * BOARD - CLEAR, 0.0)) + self.bevel(self.depth)
+                - 0.5 * BATTEN[0])
 
     def _ridge_rows(self, lines: Sequence[float]) -> list[tuple[float, list[RowPiece]]]:
         """Return the battens from which ridge tiles reach up to the ridges, and their rows."""
@@ -335,7 +367,7 @@ class Slope:
         for start, end in ((max(a, c), min(b, d)) for a, b in sections[0]
                            for c, d in sections[1]):
             held = ((rafters.place - 0.5 * RAFTER > start) & (rafters.place + 0.5 * RAFTER < end)
-                    & (rafters.start < x) & (rafters.reach > x))
+                    & (rafters.start < x) & (rafters.reach + self.bevel(self.depth) > x))
             if end - start > _SHORT and held.any():
                 found.append((start, end))
         return found
@@ -410,16 +442,16 @@ class Slope:
             and 1 where it ends, the height of its ridge in plan [m], and stretches where something
             stands against it, measured from the eaves in plan [m].
         """
-        low, high = self.depth - _VERGE[1], self.depth + COVER
+        low, high = self.depth - VERGE[1], self.depth + COVER
         boards = []
         for place, last, span, stretches in ends:
-            y = -place - last * _VERGE[0]
+            y = -place - last * VERGE[0]
             top = float(self.along(span, low)) - APART
             start = float(self.along(-OVERHANG, 0.0))
             for near, far in (*sorted(stretches), (np.inf, np.inf)):
                 end = min(float(self.along(near, low)) - APART, top)
-                if end - start > _VERGE[1]:
-                    boards.append(((start, y, low), (end, y + _VERGE[0], high)))
+                if end - start > VERGE[1]:
+                    boards.append(((start, y, low), (end, y + VERGE[0], high)))
                 start = max(start, float(self.along(far, high)) + APART)
         if boards:
             column = _boxes(site, boards, frame, 'verge', 'timber')
