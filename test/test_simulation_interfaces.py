@@ -173,7 +173,7 @@ def test_features_are_those_that_the_package_knows(unchanged):
     features = call(unchanged, 'get_simulator_features').features.features
     assert len(features) == len(FEATURES) - 1 and len(set(features)) == len(features)
     formats = call(unchanged, 'get_simulator_features').features.spawn_formats
-    assert formats == ['lsys', 'wall', 'mech', 'l', 'lpy', 'csv', 'mtg', 'ply']
+    assert formats == ['lsys', 'wall', 'mech', 'urdf', 'l', 'lpy', 'csv', 'mtg', 'ply']
 
 
 def test_features_are_those_of_the_services_that_are_there(unchanged):
@@ -485,7 +485,7 @@ def test_reset_scopes_differ_in_what_was_spawned(server):
 
 @pytest.mark.parametrize('fields, code, reason', [
     ({'name': 'a'}, 104, 'resource_string'),
-    ({'name': 'a', 'entity_resource': resource('robot.urdf')}, 103, '.lsys or .wall or .mech'),
+    ({'name': 'a', 'entity_resource': resource('robot.sdf')}, 103, '.lsys or .wall or .mech'),
     ({'name': 'a', 'entity_resource': resource('oak.lsys?seed=x')}, 103, 'whole number'),
     ({'name': 'a', 'entity_resource': resource(f'oak.lsys?seed={"9" * 5000}')}, 103,
      'whole number'),
