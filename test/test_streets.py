@@ -138,7 +138,7 @@ def test_the_shipped_plan_says_what_it_is():
     ('count: 10, grammars: [', 'count: 0, grammars: [', 'block.plan:5: count is 0, it must be'),
     ('count: 10, grammars: [', 'count: 2.7, grammars: [', 'count is 2.7, it must be a whole'),
     ('to: [60, 0]', 'to: [60]', 'block.plan:3: to is [60], it must be two numbers'),
-    ('[shed.wall, box.wall]', '[]', 'it must name files that end in .lsys, .wall, .mech, .urdf, .l'),
+    ('[shed.wall, box.wall]', '[]', 'it must name files that end in .lsys, .wall, .mech, .urdf,'),
     ('depth: [2, 3, 0.5]', 'depth: [3, 2]', 'block.plan:6: defines has depth: [3, 2]'),
     ('to: [60, 0]', 'to: [9, 0]', 'of a street that is 9.0 m long'),
     ('spacing: 20', 'spacing: 20, [', 'not valid YAML'),
