@@ -81,7 +81,8 @@ class Map:
         opened = [ring[:-1] if kind == 'building' and len(ring) > 1
                   and np.array_equal(ring[0], ring[-1]) else ring for ring in rings]
         least = {'building': 3, 'road': 2, 'tree': 1}[kind]
-        if min(map(len, opened)) < least:
+        opened[1:] = [ring for ring in opened[1:] if len(ring) >= least]
+        if len(opened[0]) < least:
             self.leave_out(f'{kind} of less than {least} points')
             return
         every = np.concatenate(opened)

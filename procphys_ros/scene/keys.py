@@ -15,7 +15,8 @@
 
 """Keys: mappings of YAML files whose values are read by key, checked and named in errors."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+import math
 from typing import Any
 
 import numpy as np
@@ -138,6 +139,19 @@ class Keys:
         if not isinstance(node, yaml.SequenceNode):
             raise self.error(key, 'must be a list of rows, each in its "- {…}"')
         return list(node.value)
+
+
+def draw_defines(ranges: Mapping[str, tuple[float, float, float]],
+                 rng: np.random.Generator) -> dict[str, float]:
+    """Draw a value of each define between its least and its largest one, in steps if not 0."""
+    values = {}
+    for name, (low, high, step) in ranges.items():
+        value = rng.uniform(low, high)
+        if step:  # never beyond the largest, where that is not a whole number of steps
+            most = math.floor((high - low) / step + 1e-9)
+            value = low + step * min(round((value - low) / step), most)
+        values[name] = value
+    return values
 
 
 def _are_numbers(value: Any, counts: Sequence[int]) -> bool:

@@ -25,6 +25,7 @@ from procphys_ros.blueprint import Blueprint
 from procphys_ros.errors import GrammarError, SceneError
 from procphys_ros.files.resources import shared_folder
 from procphys_ros.maps import Feature, House, houses_of, PARTY, read_map, roads_of
+from procphys_ros.scene.keys import draw_defines
 from procphys_ros.scene.map_rules import MapRule, MapRules, read_rules
 from procphys_ros.scene.plan import Street
 from procphys_ros.scene.sources import Grammar
@@ -94,7 +95,7 @@ class MapBlock:
         for number, (feature, rule) in enumerate(self._trees):
             rng = np.random.default_rng([seed, 26, number])
             blueprint = load(rule.grammar).build(seed=int(rng.integers(2 ** 31)),
-                                                 **_drawn(rule, rng))
+                                                 **draw_defines(rule.defines, rng))
             yield Lot(f'tree_{number}', blueprint, feature.rings[0][0],
                       float(rng.uniform(-math.pi, math.pi)))
 
@@ -108,12 +109,6 @@ def _streets(feature: Feature, rules: MapRules) -> list[Street]:
                    rule.pavement_surface) for road in roads_of(feature, rule.width)]
 
 
-def _drawn(rule: MapRule, rng: np.random.Generator) -> dict[str, float]:
-    """Draw the defines of a rule."""
-    return {name: low if low == high else float(rng.uniform(low, high))
-            for name, (low, high, _) in (rule.defines or {}).items()}
-
-
 def _built(grammar: WallGrammar, feature: Feature, house: House, rule: MapRule,
            rng: np.random.Generator) -> tuple[Blueprint | None, list[str], str]:
     """
@@ -121,7 +116,7 @@ def _built(grammar: WallGrammar, feature: Feature, house: House, rule: MapRule,
 
     :returns: its blueprint, what was left out, and why; no blueprint where nothing stands.
     """
-    seed, defines, reason = int(rng.integers(2 ** 31)), _drawn(rule, rng), ''
+    seed, defines, reason = int(rng.integers(2 ** 31)), draw_defines(rule.defines, rng), ''
     for told, plan, roof, bare in _attempts(house):
         try:
             found = grammar.over(

@@ -15,7 +15,7 @@
 """Map rules: which grammars the buildings and trees of a map take, and how wide its roads are."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +47,7 @@ class MapRule:
 
     tags: Mapping[str, tuple[str, ...]]
     grammar: str = ''
-    defines: Mapping[str, tuple[float, float, float]] | None = None
+    defines: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     storey_height: float = 0.0
     width: float = 0.0
     surface: str = ''

@@ -17,7 +17,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-import math
 from pathlib import Path
 
 import numpy as np
@@ -26,7 +25,7 @@ import yaml
 from procphys_ros.elementary import atan2, cos, sin
 from procphys_ros.errors import SceneError
 from procphys_ros.geometry.linear import norm
-from procphys_ros.scene.keys import Keys
+from procphys_ros.scene.keys import draw_defines, Keys
 from procphys_ros.scene.yaml_file import BoundedLoader, parsed
 
 MOST = 2000  # houses, or trees, of one row
@@ -121,14 +120,7 @@ class Row:
         order: list[str] = []
         for _ in range(self.count):
             order = order or [str(name) for name in rng.permutation(self.grammars)]
-            values = {}
-            for name, (low, high, step) in self.defines.items():
-                value = rng.uniform(low, high)
-                if step:  # never beyond the largest, where that is not a whole number of steps
-                    most = math.floor((high - low) / step + 1e-9)
-                    value = low + step * min(round((value - low) / step), most)
-                values[name] = value
-            yield order.pop(), values
+            yield order.pop(), draw_defines(self.defines, rng)
 
 
 @dataclass(frozen=True)

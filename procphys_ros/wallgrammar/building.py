@@ -51,7 +51,7 @@ from procphys_ros.wallgrammar.stability import check_connected
 from procphys_ros.wallgrammar.tables import check_panel, read_layouts, read_materials
 
 _JOINT_SLACK = 0.004  # [m] by which joints between cut bricks may be wider than others
-_PITCHED = ('gable', 'hip', 'spire')
+_PITCHED = ('gable', 'hip', 'lean_to', 'spire')
 MOST_PARTS = 200_000  # default bound on the parts of one building
 
 
